@@ -1,4 +1,5 @@
-//! Puts the image's name, and what its board connects for its machine, where the application includes them.
+//! Puts the image's name, and what its board connects for its machine, where the
+//! application includes them.
 
 use std::path::{Path, PathBuf};
 use std::{env, fs};
@@ -55,8 +56,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// The text by which an image names itself, `ferrostep 0.1.0 (commit abcdef0) prusa-buddy prusa-mini`, and the version's place
-/// in it.
+/// The text by which an image names itself,
+/// `ferrostep 0.1.0 (commit abcdef0) prusa-buddy prusa-mini`, and the version's place in it.
 fn identity(root: &Path, board: &str, profile: &str) -> std::io::Result<String> {
     let version = Version::of_package(env!("CARGO_PKG_VERSION"), root, "app")?;
     version.watch();

@@ -1,4 +1,5 @@
-//! The black box: records in memory that a reset leaves alone, the step queue's past, and their lines to a host (M791).
+//! The black box: records in memory that a reset leaves alone, the step queue's past, and their
+//! lines to a host (M791).
 
 use core::cell::{Cell, RefCell};
 use core::fmt::{self, Write};
@@ -33,7 +34,8 @@ const MAX_LOOKS: u32 = 1000;
 pub struct Records(&'static RecordMemory);
 
 impl Records {
-    /// Takes over what the program before this reset has left, and the step queue's record: the interrupt may run after this.
+    /// Takes over what the program before this reset has left, and the step queue's record: the
+    /// interrupt may run after this.
     pub fn start(cause: ResetCause, rcc: &Rcc) -> Self {
         // Without supply the memory was random.
         STEPS.restart(cause != ResetCause::PowerOn);

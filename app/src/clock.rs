@@ -9,7 +9,8 @@ use rtic_monotonics::systick::prelude::*;
 systick_monotonic!(Mono, 1_000);
 
 #[cfg(any(drivers, tachometers, accelerometer))]
-/// A period that is kept: [`Mono::delay`] adds a tick, so that a loop of one millisecond would take two.
+/// A period that is kept: [`Mono::delay`] adds a tick, so that a loop of one
+/// millisecond would take two.
 pub struct Period {
     next: <Mono as Monotonic>::Instant,
     length: <Mono as Monotonic>::Duration,
@@ -32,7 +33,8 @@ impl Period {
 /// Tells the time and waits for it.
 #[derive(Clone, Debug, Default)]
 pub struct SystemClock {
-    /// SysTick's count is 32 bits of milliseconds, 49 days: its last reading, and how often it has wrapped.
+    /// SysTick's count is 32 bits of milliseconds, 49 days: its last reading, and how
+    /// often it has wrapped.
     last_ms: Cell<u32>,
     wraps: Cell<u32>,
 }

@@ -128,7 +128,8 @@ where
                 black_box.send_to(&replies).await;
             }
             if let Some(request) = printer.take_job_request() {
-                // The host that asks waits for the answer, and sends again what it sent after the question.
+                // The host that asks waits for the answer, and sends again what it sent
+                // after the question.
                 let mut line = JobPort::new(own.reader, port, &mut hosts, &replies);
                 let ended = printer.receive_job(request, &mut line, own.job).await;
                 hosts.job_ended(port, ended);

@@ -1,4 +1,5 @@
-//! The motors' drivers as the printer sees them, and their line as the drivers' own code does: views of what tasks share.
+//! The motors' drivers as the printer sees them, and their line as the drivers' own code does:
+//! views of what tasks share.
 
 #[cfg(drivers)]
 use core::cell::RefCell;
@@ -20,14 +21,15 @@ use rtic::Mutex;
 use crate::profile::PROFILE;
 use crate::wiring::{BoardDriverLine, DRIVER_WIRING, DRIVERS};
 
-/// Baud rate for timeouts on the bare internal oscillator. That is also an emulator's clock, and its time may
-/// run many times faster than that of the program that answers.
+/// Baud rate for timeouts on the bare internal oscillator. That is also an emulator's clock, and
+/// its time may run many times faster than that of the program that answers.
 const PATIENT_BAUD: u32 = 200;
 
 /// The drivers of all motors.
 pub type BoardDriverBank = DriverBank<DRIVERS>;
 
-/// The profile's settings of a motor's driver. Further motors lift Z, but for that of the second extruder.
+/// The profile's settings of a motor's driver. Further motors lift Z, but for that of the
+/// second extruder.
 fn settings_of(motor: usize) -> Option<DriverSettings> {
     match PROFILE.tools {
         Some(Kept(tools)) if motor == SECOND_EXTRUDER => tools.get(1).and_then(|tool| tool.driver),

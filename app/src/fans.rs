@@ -5,7 +5,8 @@ use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use ferrostep_hal_shim::FanOutput;
 use ferrostep_printer::FanDemand;
 
-/// The demand between two tasks. Each fan is by itself, so that it does not matter when one is seen before another.
+/// The demand between two tasks. Each fan is by itself, so that it does not matter when one is
+/// seen before another.
 pub struct SharedDemand {
     powers: [AtomicU8; FanOutput::COUNT],
     motors_on: AtomicBool,

@@ -1,4 +1,5 @@
-//! The filament's encoder, for the planner task: it knows best how far the motors are, and looks every 2 ms.
+//! The filament's encoder, for the planner task: it knows best how far the motors are, and
+//! looks every 2 ms.
 
 use ferrostep_printer::{EncoderWatch, Signals};
 use ferrostep_stm32f4_board::board::is_triggered;

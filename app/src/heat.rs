@@ -123,8 +123,8 @@ impl Heat {
         self.0.as_ref().and_then(|heat| heat.control.fault())
     }
 
-    /// Sets a target, degrees Celsius; 0 is off. Without heaters it has no effect: [`EQUIPMENT`] lets the printer refuse
-    /// any other.
+    /// Sets a target, degrees Celsius; 0 is off. Without heaters it has no effect: [`EQUIPMENT`]
+    /// lets the printer refuse any other.
     pub fn set_target(&mut self, heater: Heater, celsius: f32) {
         if let Some(heat) = &mut self.0 {
             heat.control.set_target(heater, celsius);

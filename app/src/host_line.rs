@@ -18,17 +18,21 @@ use rtic_sync::signal::{Signal, SignalReader};
 
 use crate::clock::Mono;
 
-/// Bytes that wait to be read. A host that does not wait for each `ok` may keep this much in flight.
+/// Bytes that wait to be read. A host that does not wait for each `ok` may keep
+/// this much in flight.
 pub const RECEIVE_BYTES: usize = 2048;
 
-/// Bytes that wait to be sent by USB: the longest reply (M115) and some, because what does not fit is dropped.
+/// Bytes that wait to be sent by USB: the longest reply (M115) and some, because what does
+/// not fit is dropped.
 pub const USB_SEND_BYTES: usize = 1536;
 
-/// Bytes that wait to be sent over the serial line: two lines of an `ok` with temperatures. [`Writer`] waits for room.
+/// Bytes that wait to be sent over the serial line: two lines of an `ok` with temperatures.
+/// [`Writer`] waits for room.
 pub const SERIAL_SEND_BYTES: usize = 256;
 
-/// Longest wait of [`Reader::read_in_time`], ms. It must be longer than the silence after which [`Patience`] lets the moves in the
-/// ring be executed; otherwise the planner task would have to look at just the right moment.
+/// Longest wait of [`Reader::read_in_time`], ms. It must be longer than the silence after which
+/// [`Patience`] lets the moves in the ring be executed; otherwise the planner task would have to
+/// look at just the right moment.
 const WAIT_MS: u32 = 150;
 
 /// Longest wait of [`Reader::wait`], ms.
@@ -38,8 +42,8 @@ const CARD_WAIT_MS: u32 = 20;
 static USB_HAS_FAILED: AtomicBool = AtomicBool::new(false);
 /// Bytes that were lost because they were not read in time.
 static LOST_BYTES: AtomicU32 = AtomicU32::new(0);
-/// Reports on packing that the hosts at the serial line and at USB wait for: 0 for none, or the number of one of
-/// [`PACKING_REPORTS`], from 1.
+/// Reports on packing that the hosts at the serial line and at USB wait for: 0 for none, or the
+/// number of one of [`PACKING_REPORTS`], from 1.
 static PACKING: [AtomicU8; 2] = [AtomicU8::new(0), AtomicU8::new(0)];
 /// True while the printer task waits for bytes.
 static IS_AWAITED: AtomicBool = AtomicBool::new(false);
@@ -65,7 +69,8 @@ pub enum Port {
     Usb,
 }
 
-/// The serial interrupt's end: whole lines to the ring or none, and the commands that do not wait their turn.
+/// The serial interrupt's end: whole lines to the ring or none, and the commands that do not
+/// wait their turn.
 pub struct SerialInput {
     incoming: Incoming,
     ring: SerialRing,
@@ -101,7 +106,8 @@ impl Buffers for SerialRing {
 }
 
 impl SerialInput {
-    /// Input to this ring; `act` is what to do about M112 and its like, `note_line` what to do when a line has come.
+    /// Input to this ring; `act` is what to do about M112 and its like, `note_line` what to do when
+    /// a line has come.
     pub const fn new(bytes: Producer<'static, u8>, act: fn(Emergency), note_line: fn()) -> Self {
         Self { incoming: Incoming::new(), ring: SerialRing { bytes, act, note_line } }
     }
@@ -171,9 +177,10 @@ pub struct Patience {
 }
 
 impl Patience {
-    /// Times by the clock: 100 ms before moves in the ring are executed, and none before blocks leave it early. On the bare internal
-    /// oscillator both are 10 s: an emulator starts so, and its time may run many times faster than its host's. There a gap
-    /// between steps is better than another plan.
+    /// Times by the clock: 100 ms before moves in the ring are executed, and none before blocks
+    /// leave it early. On the bare internal oscillator both are 10 s: an emulator starts so, and
+    /// its time may run many times faster than its host's. There a gap between steps is better
+    /// than another plan.
     pub const fn new(source: ClockSource) -> Self {
         match source {
             ClockSource::Crystal | ClockSource::InternalWithPll => {
@@ -188,7 +195,8 @@ impl Patience {
         let is_awaited = IS_AWAITED.load(Ordering::Acquire);
         let quiet_ticks = now_ticks.wrapping_sub(QUIET_SINCE.load(Ordering::Acquire));
         Silence {
-            // At its proper clock a board releases blocks when steps run out, even if the host is not the cause.
+            // At its proper clock a board releases blocks when steps run out, even if the host
+            // is not the cause.
             may_release: self.release_ticks == 0 || is_awaited && quiet_ticks >= self.release_ticks,
             may_flush: is_awaited && quiet_ticks >= self.flush_ticks,
         }
@@ -199,7 +207,8 @@ impl Patience {
 pub struct Reader {
     serial: Consumer<'static, u8>,
     usb: Consumer<'static, u8>,
-    /// The port that was read last. The other comes first, so that a host that never stops sending does not keep it out.
+    /// The port that was read last. The other comes first, so that a host that never stops sending
+    /// does not keep it out.
     last: Port,
     signal: SignalReader<'static, ()>,
     clock: MotionClock,
@@ -235,7 +244,8 @@ impl Reader {
         self.take(buffer)
     }
 
-    /// Version of [`Self::read`] that waits 150 ms at most and then returns no bytes. `idle`: the reader has nothing else to do.
+    /// Version of [`Self::read`] that waits 150 ms at most and then returns no bytes. `idle`: the
+    /// reader has nothing else to do.
     pub async fn read_in_time<'a>(&mut self, buffer: &'a mut [u8], idle: bool) -> (Port, &'a [u8]) {
         if !self.is_ready() {
             if idle {
@@ -319,7 +329,8 @@ impl Writers {
 }
 
 impl Writers {
-    /// True if a record's line finds room without a wait and half of each ring stays free for replies.
+    /// True if a record's line finds room without a wait and half of each ring stays
+    /// free for replies.
     pub fn have_room(&self, to: To) -> bool {
         let serial = || self.serial.0.len() <= SERIAL_SEND_BYTES / 2;
         let usb = || self.usb.as_ref().is_none_or(LineWriter::is_half_free);
@@ -335,8 +346,8 @@ impl Writers {
 pub struct Writer(pub Producer<'static, u8>);
 
 impl Writer {
-    /// Sends a text and a line end. Waits while the buffer is full; the interrupt, whose priority is above all
-    /// callers', empties it.
+    /// Sends a text and a line end. Waits while the buffer is full; the interrupt, whose priority
+    /// is above all callers', empties it.
     pub fn line(&mut self, text: impl fmt::Display) {
         // Writing to the buffer cannot fail.
         let _ = writeln!(self, "{text}");

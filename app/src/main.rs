@@ -22,9 +22,9 @@
 //!
 //! 16 is above what BASEPRI can mask, and critical sections mask no more than that
 //! (`hal-shim/critical-section/`): nothing delays a step. So the two step handlers must never share
-//! anything with a task below, nor use a signal or the log.
-//! `machine` has ceiling 4, `heat` 8, `writers` and `records` 2: the planner cannot delay heater control, and no task can delay the receiving
-//! of bytes.
+//! anything with a task below, nor use a signal or the log. `machine` has ceiling 4, `heat` 8,
+//! `writers` and `records` 2: the planner cannot delay heater control, and no task can delay the
+//! receiving of bytes.
 #![no_std]
 #![no_main]
 #![deny(unsafe_code)]
@@ -117,7 +117,8 @@ mod app {
     /// SysTick, which ends the waits of the tasks: above all that wait, below the host's line.
     const WAITS_PRIORITY: u8 = 9;
 
-    /// The planner looks at the step queue this often, ms: at 100,000 events a second an eighth of the queue.
+    /// The planner looks at the step queue this often, ms: at 100,000 events a second an
+    /// eighth of the queue.
     const PLANNER_INTERVAL_MS: u32 = 2;
 
     #[cfg(drivers)]
@@ -129,7 +130,8 @@ mod app {
     const TACHOMETERS_INTERVAL_MS: u32 = 1;
 
     #[cfg(accelerometer)]
-    /// The accelerometer's task looks at its samples this often, ms: at the fastest rate its memory holds 10 ms of them.
+    /// The accelerometer's task looks at its samples this often, ms: at the fastest rate its memory
+    /// holds 10 ms of them.
     const ACCELEROMETER_INTERVAL_MS: u32 = 2;
 
     /// The reports task looks around this often, ms.
@@ -150,7 +152,8 @@ mod app {
         /// Pins for the tasks of the sensors' lines only.
         #[lock_free]
         sensors: BoardPins,
-        /// Line for one of its two interrupts, the one that the board has, and for the drivers' task.
+        /// Line for one of its two interrupts, the one that the board has, and for
+        /// the drivers' task.
         driver_line: BoardDriverLine,
         drivers: board_drivers::BoardDriverBank,
         recorder: BoardRecorder,
@@ -284,8 +287,8 @@ mod app {
         )
     }
 
-    /// The sensor that an axis seeks has triggered: the motors stop with the next instruction. One task for each interrupt
-    /// that a sensor's pin may have.
+    /// The sensor that an axis seeks has triggered: the motors stop with the next instruction. One
+    /// task for each interrupt that a sensor's pin may have.
     #[task(binds = EXTI0, priority = 15, shared = [sensors])]
     fn sensor_0(cx: sensor_0::Context) {
         cx.shared.sensors.sensed(STEPS.link());
@@ -322,7 +325,8 @@ mod app {
     }
 
     #[cfg(servo)]
-    /// An edge of a pulse for the probe's servo, which is as much too long or too short as this comes late.
+    /// An edge of a pulse for the probe's servo, which is as much too long or too short as
+    /// this comes late.
     #[task(binds = TIM6_DAC, priority = 15, local = [servo: Servo = Servo::REST])]
     fn servo(cx: servo::Context) {
         cx.local.servo.interrupt();
@@ -334,7 +338,8 @@ mod app {
         cx.shared.driver_line.lock(DriverLine::interrupt);
     }
 
-    /// The drivers' own lines. Must come within a tenth of a quarter bit, 1.3 us; so its priority is above all that receive.
+    /// The drivers' own lines. Must come within a tenth of a quarter bit, 1.3 us; so its priority
+    /// is above all that receive.
     #[task(binds = TIM7, priority = 14, shared = [driver_line])]
     fn driver_pins(mut cx: driver_pins::Context) {
         cx.shared.driver_line.lock(DriverLine::interrupt);
@@ -351,7 +356,8 @@ mod app {
         }
     }
 
-    /// Packets in and out, of the USB port. Must come within the 10 ms that a host grants a request.
+    /// Packets in and out, of the USB port. Must come within the 10 ms that a host
+    /// grants a request.
     #[task(binds = OTG_FS, priority = 10, local = [usb])]
     fn usb(cx: usb::Context) {
         if let Some(usb) = cx.local.usb {
@@ -376,8 +382,8 @@ mod app {
         }
     }
 
-    /// Heater control; a fault halts the machine. Must run every 10 ms, whatever the tasks below do; it catches up on late
-    /// samples. Feeds the watchdog while the tasks below are alive.
+    /// Heater control; a fault halts the machine. Must run every 10 ms, whatever the tasks below
+    /// do; it catches up on late samples. Feeds the watchdog while the tasks below are alive.
     #[task(priority = 8, shared = [heat], local = [watchdog, vigil])]
     async fn temperature(mut cx: temperature::Context) {
         let mut next = Mono::now();
@@ -397,7 +403,8 @@ mod app {
     }
 
     #[cfg(tachometers)]
-    /// Counts the pulses of the fans' tachometers. Must run every few milliseconds: a pulse of a fast fan lasts two.
+    /// Counts the pulses of the fans' tachometers. Must run every few milliseconds: a pulse of a
+    /// fast fan lasts two.
     #[task(priority = 8, local = [fan_speeds])]
     async fn tachometers(cx: tachometers::Context) {
         let Some(speeds) = cx.local.fan_speeds else { return };
@@ -408,7 +415,8 @@ mod app {
         }
     }
 
-    /// M112, after the motors have been stopped: heaters off as soon as the line's interrupt returns, and the power supply.
+    /// M112, after the motors have been stopped: heaters off as soon as the line's interrupt
+    /// returns, and the power supply.
     #[task(priority = 8, shared = [heat])]
     async fn emergency(mut cx: emergency::Context) {
         cx.shared.heat.lock(|heat| heat.halt());
@@ -461,7 +469,8 @@ mod app {
     }
 
     #[cfg(drivers)]
-    /// Sets the motors' drivers up and looks after them; a motor that is no longer where its steps say halts the machine.
+    /// Sets the motors' drivers up and looks after them; a motor that is no longer where its steps
+    /// say halts the machine.
     #[task(priority = 1, shared = [machine, writers, drivers, driver_line, records], local = [drivers_clock])]
     async fn drivers(cx: drivers::Context) {
         let drivers::SharedResources { mut machine, writers, mut drivers, mut driver_line, mut records, .. } =
@@ -484,7 +493,8 @@ mod app {
     }
 
     #[cfg(accelerometer)]
-    /// Takes an accelerometer's samples and sends them as lines, as far as the host's line has room.
+    /// Takes an accelerometer's samples and sends them as lines, as far as the
+    /// host's line has room.
     #[task(priority = 1, shared = [machine, writers, recorder], local = [accelerometer_clock])]
     async fn accelerometer(cx: accelerometer::Context) {
         let accelerometer::SharedResources { mut machine, mut writers, mut recorder, .. } = cx.shared;
@@ -502,8 +512,8 @@ mod app {
         }
     }
 
-    /// Reports that no host has asked for: temperatures (M155), a halt, lost bytes, overload, rest, how hosts pack their bytes
-    /// (MeatPack); and times (M798), to the log.
+    /// Reports that no host has asked for: temperatures (M155), a halt, lost bytes, overload, rest,
+    /// how hosts pack their bytes (MeatPack); and times (M798), to the log.
     #[task(priority = 1, shared = [machine, heat, writers, records], local = [halted])]
     async fn reports(cx: reports::Context) {
         let reports::SharedResources { machine, heat, writers, records, .. } = cx.shared;
@@ -518,8 +528,8 @@ mod app {
         }
     }
 
-    /// The card's task, below all others because it waits for the card. Otherwise sleeps until an interrupt; SysTick comes
-    /// every millisecond.
+    /// The card's task, below all others because it waits for the card. Otherwise sleeps until an
+    /// interrupt; SysTick comes every millisecond.
     #[idle(shared = [mailbox], local = [card])]
     fn idle(mut cx: idle::Context) -> ! {
         loop {

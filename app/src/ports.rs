@@ -1,7 +1,7 @@
 //! The printer's ports, as views of the resources it shares with other tasks.
 //!
-//! A lock lasts for one call into a library. The views are used by one task only and no borrow outlives a call, so the
-//! cells are never found borrowed.
+//! A lock lasts for one call into a library. The views are used by one task only and no borrow
+//! outlives a call, so the cells are never found borrowed.
 
 use core::cell::{Cell, RefCell};
 use core::fmt;
@@ -79,7 +79,8 @@ pub fn build_machine(
 #[cfg(servo)]
 const _: () = assert!(ferrostep_stm32f4_board::servo::PIN_IN_US == ferrostep_gcode::PinCommand::IN_US);
 
-/// Starts the signal of the probe's servo, and calls in what the end of the last program may have left out.
+/// Starts the signal of the probe's servo, and calls in what the end of the last program
+/// may have left out.
 #[cfg(servo)]
 pub fn start_servo(timer: ferrostep_stm32f4_board::pac::TIM6, clock: &Clock) {
     ferrostep_stm32f4_board::servo::start(timer, clock);
@@ -149,8 +150,8 @@ impl<H: Mutex<T = Heat>> BoardHeating<H> {
         self.0.borrow_mut().lock(|heat| heat.fault())
     }
 
-    /// Switches unused heaters off when their time is over, unless a line has come since. Looks and switches under one lock, so
-    /// that no command sets a target in between. Tells the hosts.
+    /// Switches unused heaters off when their time is over, unless a line has come since. Looks and
+    /// switches under one lock, so that no command sets a target in between. Tells the hosts.
     pub fn follow<W: Mutex<T = Writers>>(&self, rest: &HeaterRest, signals: &Signals, replies: &BoardReplies<W>) {
         let goes_on = matches!(rest, HeaterRest::Over { .. })
             && self.0.borrow_mut().lock(|heat| {
@@ -259,7 +260,8 @@ impl<H: Mutex<T = Heat>> Heating for BoardHeating<H> {
     }
 }
 
-/// The hosts' lines, their sending ends. A reply is whole: the lock keeps others out until its last byte.
+/// The hosts' lines, their sending ends. A reply is whole: the lock keeps others out
+/// until its last byte.
 pub struct BoardReplies<W> {
     writers: RefCell<W>,
     to: Cell<To>,
@@ -298,7 +300,8 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
         self.to.set(To::All);
     }
 
-    /// Says that the machine is halted, and the heater fault that did it: adjacent lines, as hosts expect.
+    /// Says that the machine is halted, and the heater fault that did it: adjacent lines,
+    /// as hosts expect.
     pub fn halted(&self, fault: Option<HeatFault>) {
         self.writers.borrow_mut().lock(|writers| {
             // As replies, so that a host that reads late still reads this.
@@ -370,7 +373,8 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
         ));
     }
 
-    /// Says that the beginning of a line was dropped, because its connection ended or it did not fit.
+    /// Says that the beginning of a line was dropped, because its connection ended
+    /// or it did not fit.
     pub fn half_a_line(&self) {
         self.line(format_args!("echo:usb: half a line dropped"));
     }

@@ -32,7 +32,8 @@ pub struct Reports<'a, M, H, W, R> {
     stalled_fan: Option<FanOutput>,
     /// Counts, as last reported.
     overload: Overload,
-    /// Times of the last reports of temperatures, the card's progress, the black box's temperatures and times, ms.
+    /// Times of the last reports of temperatures, the card's progress, the black box's
+    /// temperatures and times, ms.
     temperatures_ms: u32,
     card_ms: u32,
     record_ms: u32,
@@ -73,8 +74,8 @@ where
 
     /// The machine has been halted: switches the motors off and tells the hosts.
     pub fn halted(&mut self) {
-        // A command at work has switched them off already; without one it is done here. The lock keeps M999 from ending the
-        // halt in between: after it the motors are needed.
+        // A command at work has switched them off already; without one it is done here. The lock
+        // keeps M999 from ending the halt in between: after it the motors are needed.
         self.machine.lock(|machine| {
             if self.signals.is_halted() {
                 machine.switch_motors_off();
@@ -90,8 +91,8 @@ where
         self.replies.halted(fault);
     }
 
-    /// Reports what is due at this time: lost bytes, how hosts pack their bytes (MeatPack), rest, the card's progress (M27 S),
-    /// temperatures (M155), overload; to the log, times (M798).
+    /// Reports what is due at this time: lost bytes, how hosts pack their bytes (MeatPack), rest,
+    /// the card's progress (M27 S), temperatures (M155), overload; to the log, times (M798).
     pub fn look(&mut self, now_ms: u32) {
         self.replies.line_troubles(host_line::take_troubles());
         self.replies.packing();
@@ -148,7 +149,8 @@ where
     }
 }
 
-/// True if a report that is repeated every `interval_s` is due, never if that is 0; notes the time if so.
+/// True if a report that is repeated every `interval_s` is due, never if that is 0;
+/// notes the time if so.
 fn is_due(last_ms: &mut u32, interval_s: impl Into<u32>, now_ms: u32) -> bool {
     let interval_ms = interval_s.into() * 1000;
     let is_due = interval_ms > 0 && now_ms.wrapping_sub(*last_ms) >= interval_ms;

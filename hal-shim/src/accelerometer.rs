@@ -5,7 +5,8 @@
 pub enum AccelerometerFault {
     /// The chip's bus has failed.
     Bus,
-    /// The identity register holds another number: the chip is missing or another one, or a wire is loose.
+    /// The identity register holds another number: the chip is missing or another one, or
+    /// a wire is loose.
     Identity {
         /// The number that was read.
         read: u8,
@@ -51,7 +52,8 @@ pub trait AccelerometerChip {
     /// It does not answer as it should.
     fn check(&mut self) -> Result<(), AccelerometerFault>;
 
-    /// Empties its memory and begins to sample, at a rate and with a resolution of its [type](Self::TYPE).
+    /// Empties its memory and begins to sample, at a rate and with a resolution of its
+    /// [type](Self::TYPE).
     ///
     /// # Errors
     /// It does not answer as it should; then it may be sampling or not.
@@ -66,7 +68,8 @@ pub trait AccelerometerChip {
     /// The chip does not answer as it should.
     fn waiting(&mut self) -> Result<WaitingSamples, AccelerometerFault>;
 
-    /// Takes the oldest sample: accelerations along the chip's x, y and z, millionths of standard gravity.
+    /// Takes the oldest sample: accelerations along the chip's x, y and z, millionths of
+    /// standard gravity.
     ///
     /// # Errors
     /// Its bus has failed.

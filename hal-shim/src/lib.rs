@@ -105,12 +105,14 @@ pub trait Clock {
 
 /// Thermometers and heaters.
 pub trait ThermalBoard {
-    /// The converter's reading of a heater's thermistor: the sum of 16 conversions of 12 bits, taken now or since the
-    /// reading before (`ferrostep-thermistor` makes a temperature of it). 0 for a heater that the machine does not have.
+    /// The converter's reading of a heater's thermistor: the sum of 16 conversions of 12 bits,
+    /// taken now or since the reading before (`ferrostep-thermistor` makes a temperature of it). 0
+    /// for a heater that the machine does not have.
     fn reading(&mut self, heater: Heater) -> u16;
     /// Heater power from 0 to 1; anything else is cut to that.
     fn set_power(&mut self, heater: Heater, power: f32);
-    /// Switches the power supply of heaters, motors and fans; without effect on a board that cannot.
+    /// Switches the power supply of heaters, motors and fans; without effect on a
+    /// board that cannot.
     fn set_supply(&mut self, _on: bool) {}
 }
 
@@ -160,7 +162,8 @@ impl FanOutput {
 pub trait Fans {
     /// Power of a fan, 0 to 255.
     fn set_fan_power(&mut self, fan: FanOutput, power: u8);
-    /// Pulses that a fan's tachometer has given so far, modulo 2^16: two a turn. `None` where the board has no tachometer.
+    /// Pulses that a fan's tachometer has given so far, modulo 2^16: two a turn. `None` where the
+    /// board has no tachometer.
     fn tachometer(&self, _fan: FanOutput) -> Option<u16> {
         None
     }
@@ -168,7 +171,8 @@ pub trait Fans {
 
 /// The queue of step entries, seen from the planner, which fills it; the step interrupt empties it.
 pub trait StepQueue {
-    /// Number of slots that entries have filled so far, modulo 2^32. The newest event is not in a slot yet.
+    /// Number of slots that entries have filled so far, modulo 2^32. The newest event is
+    /// not in a slot yet.
     fn queued(&self) -> u32;
     /// Number of slots that have been played so far, modulo 2^32.
     fn played(&self) -> u32;
@@ -195,14 +199,17 @@ pub trait StepQueue {
     fn start(&mut self);
     /// The flags shared with the interrupt.
     fn link(&self) -> &StepLink;
-    /// Steps of X, Y, Z (A, B, Z) and the extruder that it holds and the motors have not made, forwards minus backwards.
+    /// Steps of X, Y, Z (A, B, Z) and the extruder that it holds and the motors have not made,
+    /// forwards minus backwards.
     fn unplayed_steps(&self) -> [i32; 4];
     /// Stops all motors before their next step; [`Self::drop_all`] must follow.
     fn request_stop(&mut self);
-    /// Forgets, after a stop, the entries that have not been played, and returns their steps. Motion may start again.
+    /// Forgets, after a stop, the entries that have not been played, and returns their steps.
+    /// Motion may start again.
     fn drop_all(&mut self) -> DroppedSteps;
-    /// Updates of its timer that the interrupt has missed since the last call, because it was held up for longer than an
-    /// interval. No step is lost with them: all later ones come that much later.
+    /// Updates of its timer that the interrupt has missed since the last call, because it was
+    /// held up for longer than an interval. No step is lost with them: all later ones come
+    /// that much later.
     fn take_missed_updates(&mut self) -> u32;
 }
 
@@ -210,11 +217,12 @@ pub trait StepQueue {
 pub trait HomingSensors: StepQueue {
     /// Returns true if the sensor of X (0), Y (1) or Z (2) is triggered.
     fn is_sensor_triggered(&self, axis: usize) -> bool;
-    /// Stops motion from now on when the sensor of this axis triggers ([`StepLink::request_sensor_stop`]); `None`: at no
-    /// sensor.
+    /// Stops motion from now on when the sensor of this axis triggers
+    /// ([`StepLink::request_sensor_stop`]); `None`: at no sensor.
     fn watch_sensor(&mut self, axis: Option<usize>);
-    /// Adds an entry of a move towards the watched sensor. A real sensor stops the motors when it triggers, so the whole
-    /// entry is added. A model knows beforehand at which event it triggers, and adds the events up to that one.
+    /// Adds an entry of a move towards the watched sensor. A real sensor stops the motors when it
+    /// triggers, so the whole entry is added. A model knows beforehand at which event it triggers,
+    /// and adds the events up to that one.
     ///
     /// # Errors
     /// As [`StepQueue::push`].
@@ -222,8 +230,9 @@ pub trait HomingSensors: StepQueue {
         self.push(entry)?;
         Ok(Approach { added: Some(entry), triggered: false })
     }
-    /// Sends pulses to the probe whose pin a servo's signal moves; they replace those that have not been sent.
-    /// Without effect on a board that has no such output: the build refuses a profile that needs it.
+    /// Sends pulses to the probe whose pin a servo's signal moves; they replace those that have
+    /// not been sent. Without effect on a board that has no such output: the build refuses a
+    /// profile that needs it.
     fn send_servo_pulses(&mut self, _pulses: ServoPulses) {}
     /// Returns true if all of them have been sent, and the pause after the last one has passed.
     fn are_servo_pulses_sent(&self) -> bool {
@@ -242,8 +251,8 @@ pub struct Approach {
 
 /// A clock that measures how long planning takes.
 pub trait PlanningClock {
-    /// The present time, ticks of the nominal time base modulo 2^32. `None` without a clock: then planning is taken to
-    /// keep up.
+    /// The present time, ticks of the nominal time base modulo 2^32. `None` without a clock: then
+    /// planning is taken to keep up.
     fn now_ticks(&self) -> Option<u32> {
         None
     }
@@ -253,23 +262,25 @@ pub trait PlanningClock {
     fn planning_ends(&mut self) {}
 }
 
-/// Observes the motion in ticks of the motion clock. As [`StepObserver`] it sees every step as it is queued. A queue to real
-/// motors needs only the digests.
+/// Observes the motion in ticks of the motion clock. As [`StepObserver`] it sees every step as it
+/// is queued. A queue to real motors needs only the digests.
 pub trait MotionWatch: StepObserver {
     /// True if the position of the pushed filament is followed, for a sensor that sees it move.
     const FOLLOWS_FILAMENT: bool = true;
 
     /// True if a switch may accompany that sensor.
     const HAS_FILAMENT_SWITCH: bool = true;
-    /// Digests of the steps so far. A board digests them as they are queued; virtual motors as they make them.
+    /// Digests of the steps so far. A board digests them as they are queued; virtual motors
+    /// as they make them.
     fn digests(&self) -> StepDigests;
-    /// A move was taken. `slowed_moves`: how many of all moves were slowed because the board could not keep up with them; a block is
-    /// slowed when the move after it has been taken, or when it is full.
+    /// A move was taken. `slowed_moves`: how many of all moves were slowed because the board
+    /// could not keep up with them; a block is slowed when the move after it has been taken, or
+    /// when it is full.
     fn move_taken(&mut self, _taken: &Move, _slowed_moves: u64) {}
     /// Notes that a move of this source line ends at this tick, after the entries added so far.
     fn move_ended(&mut self, _tick: u64, _line: u32) {}
-    /// Notes that the motors are at rest, that all motion has been played or dropped, and that the motion clock
-    /// continues from this tick.
+    /// Notes that the motors are at rest, that all motion has been played or dropped, and that the
+    /// motion clock continues from this tick.
     fn stands_at(&mut self, _tick: u64) {}
     /// Notes, at standstill, that homing sets the motors' positions, as of this tick.
     fn redefined(&mut self, _tick: u64, _motor_steps: [i64; 4]) {}
@@ -279,12 +290,13 @@ pub trait MotionWatch: StepObserver {
 pub trait MotorEnable {
     /// Switches the motors in the mask on or off.
     fn set_motors_enabled(&mut self, motors: u8, enabled: bool);
-    /// Selects the motors of Z that make the next steps; the others stand still. Bit 0 is the axis's first motor. At
-    /// standstill only; [`StepQueue::drop_all`] selects all of them again. Without effect where Z has one motor.
+    /// Selects the motors of Z that make the next steps; the others stand still. Bit 0 is the
+    /// axis's first motor. At standstill only; [`StepQueue::drop_all`] selects all of them again.
+    /// Without effect where Z has one motor.
     fn step_z_motors(&mut self, _motors: u8) {}
-    /// Selects the extruder that makes the next steps, by its tool; the others stand still, with the current that
-    /// they have. At standstill only; [`StepQueue::drop_all`] keeps the selection. Without effect with a single
-    /// extruder.
+    /// Selects the extruder that makes the next steps, by its tool; the others stand still, with
+    /// the current that they have. At standstill only; [`StepQueue::drop_all`] keeps the selection.
+    /// Without effect with a single extruder.
     fn step_extruder(&mut self, _tool: u8) {}
 }
 

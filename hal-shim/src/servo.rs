@@ -19,7 +19,8 @@ impl ServoPulses {
         Self { width_us, count: if count == 0 { 1 } else { count } }
     }
 
-    /// Both in one word, which is never 0: a task stores it at once, and an interrupt counts it down.
+    /// Both in one word, which is never 0: a task stores it at once, and an
+    /// interrupt counts it down.
     pub const fn word(self) -> u32 {
         (self.count as u32) << 16 | self.width_us as u32
     }

@@ -1,6 +1,8 @@
-//! Turns the board's file into the constants of the module `board`, and into the linker's memory map.
+//! Turns the board's file into the constants of the module `board`, and into the
+//! linker's memory map.
 //!
-//! The chip is also a feature, since it selects the registers before this runs; this checks that the two agree.
+//! The chip is also a feature, since it selects the registers before this runs; this checks
+//! that the two agree.
 
 use std::path::PathBuf;
 use std::{env, fs};
@@ -8,7 +10,8 @@ use std::{env, fs};
 use ferrostep_boards::{chosen, constants};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // The machine's profile says which level of a pin switches its supply off: the safe state needs that without the application.
+    // The machine's profile says which level of a pin switches its supply off: the safe state needs
+    // that without the application.
     let (board, profile) = chosen::machine()?;
     // The step queue's user follows the filament only for a sensor that sees it move.
     println!("cargo:rustc-check-cfg=cfg(follows_filament)");
@@ -31,7 +34,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     let out = PathBuf::from(env::var("OUT_DIR")?);
     fs::write(out.join("board.rs"), constants::rust(&board))?;
-    // Cargo lets the linker of an image look here, as in the folder in which cortex-m-rt puts link.x.
+    // Cargo lets the linker of an image look here, as in the folder in which
+    // cortex-m-rt puts link.x.
     fs::copy("../../memory.x", out.join("memory.x"))?;
     let measures = env::var_os("CARGO_FEATURE_MEASURING_STACK").is_some();
     let stack_kib = if measures { constants::MEASURING_STACK_KIB } else { constants::STACK_KIB };

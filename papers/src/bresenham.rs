@@ -1,11 +1,13 @@
-//! Wu's Bresenham lines (Wu 2024): classic, and by stairs whose widths are found by one of three rules.
+//! Wu's Bresenham lines (Wu 2024): classic, and by stairs whose widths are found by
+//! one of three rules.
 //!
 //! All rules yield the same widths:
 //!
-//! - [`FromFirstStair`]: as Wu proposes it, without any division, by one or two decisions a stair; the first stair is
-//!   counted.
-//! - [`FromQuotient`]: one division a line and one decision a stair; no stair is counted. It suits whole lines: a division
-//!   a stair takes 2 % fewer instructions (`cargo xtask bench`), but each of its divisions up to 12 cycles.
+//! - [`FromFirstStair`]: as Wu proposes it, without any division, by one or two decisions a stair;
+//!   the first stair is counted.
+//! - [`FromQuotient`]: one division a line and one decision a stair; no stair is counted. It suits
+//!   whole lines: a division a stair takes 2 % fewer instructions (`cargo xtask bench`), but each
+//!   of its divisions up to 12 cycles.
 //! - [`FromDivision`]: a division a stair, as the interpolator's [`StepBresenham`] does it.
 
 mod classic;

@@ -3,9 +3,11 @@
 use crate::curve_error::{CurveError, MOST, is_in_range, is_zero_or_in_range};
 use crate::five_segments::bounds::RampBounds;
 
-/// A ramp between two speeds in two halves of opposite jerks (Li 2017, eqs. 1 to 4). Any unit of length; seconds.
+/// A ramp between two speeds in two halves of opposite jerks (Li 2017, eqs. 1 to 4). Any unit of
+/// length; seconds.
 ///
-/// Li's ramp has no limit of acceleration; with one, t1 = max(sqrt(dv/j), dv/a) and the jerk is dv/t1^2.
+/// Li's ramp has no limit of acceleration; with one, t1 = max(sqrt(dv/j), dv/a) and the
+/// jerk is dv/t1^2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ramp {
     from: f64,
@@ -104,12 +106,13 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// Curve from `entry` to `exit` over a length, at most at `most` in between. Without room for that speed there is
-    /// no cruise, and the peak is where both ramps fill the length: Li's case (b), which cuts the table's ramps while
-    /// their acceleration is not zero, planned anew.
+    /// Curve from `entry` to `exit` over a length, at most at `most` in between. Without room for
+    /// that speed there is no cruise, and the peak is where both ramps fill the length: Li's case
+    /// (b), which cuts the table's ramps while their acceleration is not zero, planned anew.
     ///
     /// # Errors
-    /// [`CurveError`] if a number is out of range, or the length does not even hold a ramp from `entry` to `exit`.
+    /// [`CurveError`] if a number is out of range, or the length does not even hold a ramp from
+    /// `entry` to `exit`.
     pub fn new([entry, most, exit]: [f64; 3], length: f64, jerk: f64, acceleration: f64) -> Result<Self, CurveError> {
         let bounds = bounds(jerk, acceleration)?;
         speeds(&[entry, most, exit])?;

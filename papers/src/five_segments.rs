@@ -1,7 +1,8 @@
-//! Li's S-curve segment by segment: ramp, cruise and ramp make five segments of constant jerk, and the acceleration is
-//! zero at both ends of every block.
+//! Li's S-curve segment by segment: ramp, cruise and ramp make five segments of constant jerk, and
+//! the acceleration is zero at both ends of every block.
 //!
-//! The planner's own S-curve holds its acceleration, and blocks share one law; what that gains shows against this.
+//! The planner's own S-curve holds its acceleration, and blocks share one law; what that gains
+//! shows against this.
 
 pub(crate) mod bounds;
 
@@ -85,7 +86,8 @@ impl SpeedRule for FiveSegments {
 /// Units of [`Speed`] in 1 mm/s.
 const SPEED_UNITS: f64 = 65_536.0;
 
-/// A ramp: two halves of opposite jerks, each described from the end where the acceleration is zero.
+/// A ramp: two halves of opposite jerks, each described from the end where the
+/// acceleration is zero.
 #[derive(Clone, Copy, Debug)]
 struct Ramp {
     /// Duration of a half, time units.

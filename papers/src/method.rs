@@ -1,4 +1,5 @@
-//! The demands of a method of interpolation on planning: how many events a block has, and how near they come.
+//! The demands of a method of interpolation on planning: how many events a block has, and
+//! how near they come.
 
 use ferrostep_planner::{DualRatePeriods, Interpolation, Kinematics, MotionChoice, TICKS_PER_SECOND};
 
@@ -15,7 +16,8 @@ pub(crate) struct Method {
 impl Method {
     /// The method that was chosen.
     pub fn new(choice: &MotionChoice, kinematics: Kinematics) -> Self {
-        // The papers' methods in the plane of X and Y know CoreXY's motors, or one motor for each axis.
+        // The papers' methods in the plane of X and Y know CoreXY's motors, or one
+        // motor for each axis.
         let kinematics = if kinematics == Kinematics::CoreXy { kinematics } else { Kinematics::Cartesian };
         Self { interpolation: choice.interpolation, kinematics, periods: choice.dual_rate }
     }
@@ -31,7 +33,8 @@ impl Method {
         self.interpolation == Interpolation::DualRate && !is_dead_zone(&self.periods, first, second)
     }
 
-    /// Number of equal parts of a block's path of which each has one event of X, Y and Z's motors at most.
+    /// Number of equal parts of a block's path of which each has one event of X, Y and
+    /// Z's motors at most.
     pub fn densest(&self, steps: [i32; 3]) -> u32 {
         let [x, y] = Self::plane(steps);
         let longest = x.max(y);
@@ -55,14 +58,16 @@ impl Method {
             Interpolation::StepBresenham | Interpolation::Bresenham => return self.densest(steps),
             Interpolation::PointByPoint if self.kinematics == Kinematics::Cartesian => x + y,
             _ if self.has_two_rates(steps) => x + y,
-            // A pulse along an axis is one event on CoreXY and a diagonal is two: together the larger of |A| and |B|.
+            // A pulse along an axis is one event on CoreXY and a diagonal is two: together the
+            // larger of |A| and |B|.
             _ => x.max(y),
         };
         let [.., z] = steps;
         plane.saturating_add(z.unsigned_abs())
     }
 
-    /// Shortest time in which the block's X and Y may be made, ticks: dual-rate runs no motor faster than T_min.
+    /// Shortest time in which the block's X and Y may be made, ticks: dual-rate runs no motor
+    /// faster than T_min.
     pub fn least_ticks(&self, steps: [i32; 3]) -> f32 {
         /// Ticks in a nanosecond.
         const TICKS_PER_NS: f32 = TICKS_PER_SECOND as f32 / 1e9;

@@ -12,7 +12,8 @@ use crate::laws::{PaperPieces, PaperRule};
 use crate::pattern::PaperPattern;
 use crate::table::FrequencyTable;
 
-/// All methods: the standard ones and the papers'. What `B` and `L` are for [`ferrostep_planner::Standard`], they are here.
+/// All methods: the standard ones and the papers'. What `B` and `L` are for
+/// [`ferrostep_planner::Standard`], they are here.
 pub struct Papers<B = BedStage, L = BacklashStage>(PhantomData<fn() -> (B, L)>);
 
 // Derived, they would ask for a bed that can be copied.

@@ -39,9 +39,10 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The plan of a segment of this many pulses between a start and a stop frequency, at most at the run frequency, all in
-    /// Hz. A run above the table's highest frequency is held to it. Start and stop below f0 are f0, from which a motor
-    /// starts without a ramp; a run that is itself not above f0 has no ramp at all.
+    /// The plan of a segment of this many pulses between a start and a stop frequency, at most at
+    /// the run frequency, all in Hz. A run above the table's highest frequency is held to it. Start
+    /// and stop below f0 are f0, from which a motor starts without a ramp; a run that is itself not
+    /// above f0 has no ramp at all.
     pub fn new(table: &FrequencyTable, pulses: f64, start_hz: f64, stop_hz: f64, run_hz: f64) -> Self {
         let run_hz = if run_hz < table.top_hz() { run_hz } else { table.top_hz() };
         let constant = |case, hz: f64| Self {

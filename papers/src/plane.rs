@@ -1,9 +1,10 @@
 //! Straight lines of a plane by pulses: the three methods of the CoreXY paper.
 //!
-//! The paper ("CoreXY plane control for FDM printers", Hebei University of Technology) takes them from machine tools.
-//! [`PointByPoint`] and [`MinimumDeviation`] decide pulse by pulse between directions that a pulse can have;
-//! [`DualRate`] is the paper's own, a pulse period for each motor. [`CoreXyLine`] has what the two motors of a CoreXY
-//! machine do under any of them, [`LineFigures`] how far from the line that leads.
+//! The paper ("CoreXY plane control for FDM printers", Hebei University of Technology) takes them
+//! from machine tools. [`PointByPoint`] and [`MinimumDeviation`] decide pulse by pulse between
+//! directions that a pulse can have; [`DualRate`] is the paper's own, a pulse period for each
+//! motor. [`CoreXyLine`] has what the two motors of a CoreXY machine do under any of them,
+//! [`LineFigures`] how far from the line that leads.
 
 mod core_xy;
 mod dual_rate;

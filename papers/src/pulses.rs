@@ -36,13 +36,15 @@ enum Rule {
 
 /// The steps of some motors, at equal distances along the block.
 ///
-/// N pulses divide the path into N parts, and pulse k is due in the middle of its part, at (k - 1/2) S/N. The paper does
-/// not say where: at the end, as a pulse of a constant period, it would be late by up to a whole pulse and always late. In
-/// the middle it is half a pulse either way, the rule of the default's master, and no pulse is due at the very end of a
-/// block, where at standstill the time of a hair of path is long. A diagonal pulse of a CoreXY machine is two steps of one
-/// motor: each is in the middle of its half.
+/// N pulses divide the path into N parts, and pulse k is due in the middle of its part, at (k -
+/// 1/2) S/N. The paper does not say where: at the end, as a pulse of a constant period, it would be
+/// late by up to a whole pulse and always late. In the middle it is half a pulse either way, the
+/// rule of the default's master, and no pulse is due at the very end of a block, where at
+/// standstill the time of a hair of path is long. A diagonal pulse of a CoreXY machine is two steps
+/// of one motor: each is in the middle of its half.
 ///
-/// When the middle of the next part is, or of the next half where pulses have halves, the caller's [`Times`] say.
+/// When the middle of the next part is, or of the next half where pulses have halves, the
+/// caller's [`Times`] say.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pulses {
     rule: Rule,

@@ -28,13 +28,14 @@ pub struct Segment {
 /// Lines read ahead.
 const LINES: usize = 4;
 
-/// The paper's look-ahead (Li 2017, sect. 2 and fig. 4): four lines are read ahead, which make three segments, since a
-/// segment ends at the frequency of the line after it; they wait in a circular queue.
+/// The paper's look-ahead (Li 2017, sect. 2 and fig. 4): four lines are read ahead, which
+/// make three segments, since a segment ends at the frequency of the line after it; they wait
+/// in a circular queue.
 ///
-/// The frequency between two lines is the slower of both, or what the pulses of the slower one's neighbour allow: after
-/// the last line that is known motion ends at f0, and no segment is planned that it could not be reached from. This is
-/// the paper's own look-ahead, complete and by itself; the machine's has 128 blocks and corners
-/// ([`ferrostep_planner::look_ahead`]).
+/// The frequency between two lines is the slower of both, or what the pulses of the slower one's
+/// neighbour allow: after the last line that is known motion ends at f0, and no segment is planned
+/// that it could not be reached from. This is the paper's own look-ahead, complete and by itself;
+/// the machine's has 128 blocks and corners ([`ferrostep_planner::look_ahead`]).
 #[derive(Clone, Copy, Debug)]
 pub struct Segments {
     table: FrequencyTable,
@@ -53,8 +54,8 @@ impl Segments {
         Self { table: *table, lines: [none; LINES], first: 0, count: 0, before_hz: table.start_hz(), is_over: false }
     }
 
-    /// Reads a line; `false` without room, and where it asks for nothing that can be done: pulses and frequency are finite
-    /// and above zero.
+    /// Reads a line; `false` without room, and where it asks for nothing that can be done: pulses
+    /// and frequency are finite and above zero.
     pub fn read(&mut self, line: Line) -> bool {
         let is_possible = |x: f64| x > 0.0 && x.is_finite();
         if self.count == LINES || !is_possible(line.pulses) || !is_possible(line.run_hz) {

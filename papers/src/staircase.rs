@@ -12,9 +12,10 @@ use crate::table::FrequencyTable;
 
 /// A block's motion in steps of the motor with most of them.
 ///
-/// The length of a block's path in pulses, whole or not: a block without a step has none, is slower than any start
-/// frequency, and is run at a constant speed. What has less than a pulse says nothing of the frequencies after it, so it
-/// changes no speed: beside it every speed would be below f0, and the next block begin with any.
+/// The length of a block's path in pulses, whole or not: a block without a step has none, is slower
+/// than any start frequency, and is run at a constant speed. What has less than a pulse says
+/// nothing of the frequencies after it, so it changes no speed: beside it every speed would be
+/// below f0, and the next block begin with any.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BlockPulses {
     /// BlockPulses of the block.
@@ -42,8 +43,8 @@ impl BlockPulses {
         if self.per_speed > 0.0 { Speed(Real::to_u32(frequency_hz / self.per_speed)) } else { Speed(u32::MAX) }
     }
 
-    /// The fastest speed that the block can be left with, entered at `speed`, or entered with to be left at `speed`:
-    /// F^-1(F(v) + P). Up to f0 no ramp is needed.
+    /// The fastest speed that the block can be left with, entered at `speed`, or entered with to be
+    /// left at `speed`: F^-1(F(v) + P). Up to f0 no ramp is needed.
     pub(crate) fn reach(&self, table: &FrequencyTable, speed: Speed) -> Speed {
         if self.count < 1.0 {
             return speed;
@@ -62,7 +63,8 @@ impl BlockPulses {
     }
 }
 
-/// The time law of a block under the table. Lengths in units of 10 nm, times in time units, from the block's start.
+/// The time law of a block under the table. Lengths in units of 10 nm, times in time units, from
+/// the block's start.
 #[derive(Clone, Copy, Debug)]
 pub struct Staircase {
     pub(crate) length: f64,

@@ -20,7 +20,8 @@ const MAX_STEPS_PER_S: f64 = 500_000.0;
 
 const UNIT: f64 = 1.0 / (1u64 << FRACTION_BITS) as f64;
 
-/// Steps of a motor, and the shares of the block's length at which the first one is and from one to the next.
+/// Steps of a motor, and the shares of the block's length at which the first one is and from
+/// one to the next.
 fn random_steps(random: &mut Random, length_mm: f64, fastest: f64) -> Option<(MotorSteps, u32, [f64; 2])> {
     let most = (MAX_STEPS_PER_S / fastest * length_mm).min(200_000.0);
     if most < 1.0 {

@@ -4,15 +4,17 @@ use crate::curve_error::{CurveError, is_in_range};
 use ferrostep_planner::SCurveTableSettings;
 use ferrostep_planner::square_root::square_root;
 
-/// Li's table (Li 2017, sect. 1.2): the S-curve from a start frequency f0 to a highest one, in slices of T = 2/f0, each at
-/// a constant frequency, and the pulses made up to each of them, F.
+/// Li's table (Li 2017, sect. 1.2): the S-curve from a start frequency f0 to a highest one, in
+/// slices of T = 2/f0, each at a constant frequency, and the pulses made up to each of them, F.
 ///
-/// A slice has the frequency of its middle. The paper takes its start, and then the sum misses the 3300 pulses of the
-/// ramp in its experiment by 9; from the middles it is within one pulse, the rule of midpoints being exact where the
-/// frequency changes linearly. The last slice ends with the ramp.
+/// A slice has the frequency of its middle. The paper takes its start, and then the sum misses
+/// the 3300 pulses of the ramp in its experiment by 9; from the middles it is within one
+/// pulse, the rule of midpoints being exact where the frequency changes linearly. The last
+/// slice ends with the ramp.
 ///
-/// The paper keeps the table in memory that it asks for at run time. Frequencies are a square and their sums a cubic of
-/// the slice's number, so this table is computed as it is read: it takes no memory, whatever T is.
+/// The paper keeps the table in memory that it asks for at run time. Frequencies are a square and
+/// their sums a cubic of the slice's number, so this table is computed as it is read: it takes no
+/// memory, whatever T is.
 ///
 /// Deceleration is acceleration reversed and reads the same table.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,8 +48,8 @@ impl FrequencyTable {
     /// The table from `start_hz` to `top_hz` at a jerk in Hz/s^2.
     ///
     /// # Errors
-    /// [`CurveError`] where a number is out of range, the frequencies do not rise, or T is so short that
-    /// there would be more than 65,536 slices.
+    /// [`CurveError`] where a number is out of range, the frequencies do not rise, or T is so short
+    /// that there would be more than 65,536 slices.
     pub fn new(start_hz: f64, top_hz: f64, jerk_hz_per_s2: f64) -> Result<Self, CurveError> {
         if !is_in_range(start_hz) {
             return Err(CurveError::StartFrequency);
@@ -194,7 +196,8 @@ impl FrequencyTable {
 
     /// F at the start of a slice; after the last, of the whole ramp.
     ///
-    /// Sums of squares: sum over k < n of (k + 1/2)^2 = n^3/3 - n/12, and with H(x) = x^3/3 + x^2/2 + x/6, for which H(x)
+    /// Sums of squares: sum over k < n of (k + 1/2)^2 = n^3/3 - n/12, and with H(x) = x^3/3 +
+    /// x^2/2 + x/6, for which H(x)
     /// - H(x - 1) = x^2, sum over m <= k < n of (c - k)^2 = H(c - m) - H(c - n).
     fn pulses_before(&self, index: u32) -> f64 {
         let half_cube = 0.5 * self.jerk_hz_per_s2 * self.slice_s * self.slice_s * self.slice_s;

@@ -27,7 +27,8 @@ fn of_slicer(drawn: &SlicerBlock) -> (Block, Speed) {
     (block, Speed::from_mm_per_s(drawn.corner_mm_per_s))
 }
 
-/// Sends random blocks through look-ahead; every one that leaves, which begins as fast as the one before ended, is checked.
+/// Sends random blocks through look-ahead; every one that leaves, which begins as fast as the one
+/// before ended, is checked.
 fn check_blocks<R: SpeedRule>(random: &mut Random, rule: R, pace: Pace, mut check: impl FnMut(&PlannedBlock)) {
     let mut ring = BlockQueue::new(vec![Slot::EMPTY; 2 + random.bits() as usize % 40]);
     ring.look_ahead(&SpeedLaw::Other(rule));

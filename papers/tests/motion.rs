@@ -1,5 +1,5 @@
-//! The planner as a whole, over arbitrary moves: positions, order, spacing and the time law of every block, whatever the
-//! method and the law of acceleration.
+//! The planner as a whole, over arbitrary moves: positions, order, spacing and the time law of
+//! every block, whatever the method and the law of acceleration.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 

@@ -1,5 +1,5 @@
-//! Round trip of the paper's packets: they are read as they were written, byte by byte where the paper defines it, and
-//! all else is refused.
+//! Round trip of the paper's packets: they are read as they were written, byte by byte where the
+//! paper defines it, and all else is refused.
 #![allow(clippy::unwrap_used)]
 
 use ferrostep_gpre::Fault;

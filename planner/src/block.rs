@@ -25,7 +25,8 @@ impl Speed {
         f64::from(self.0) / 65_536.0
     }
 
-    /// Ticks for a length in units of 10 nm at this speed, to single precision; as many as fit for standstill.
+    /// Ticks for a length in units of 10 nm at this speed, to single precision; as many as
+    /// fit for standstill.
     pub fn ticks_for(self, length_10nm: u32) -> u64 {
         // Units of 10 nm in a tick at one unit of speed.
         const PER_10NM: f32 = (65_536 * (TICKS_PER_SECOND as i64 / UNITS_PER_MM)) as f32;
@@ -50,9 +51,10 @@ impl Speed {
 
 /// A squared speed, in units of 1/12,800,000 mm^2/s^2.
 ///
-/// The unit is that of twice an [`Acceleration`]'s unit times 10 nm, so that 2 a S is an exact product of integers and
-/// the passes of look-ahead add and compare without rounding. A speed of 2^-16 mm/s is 0.003 units, one of 0.003 mm/s
-/// is 115; the square of the largest [`Speed`] takes 56 bits.
+/// The unit is that of twice an [`Acceleration`]'s unit times 10 nm, so that 2 a S is an
+/// exact product of integers and the passes of look-ahead add and compare without rounding. A
+/// speed of 2^-16 mm/s is 0.003 units, one of 0.003 mm/s is 115; the square of the largest
+/// [`Speed`] takes 56 bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct SquaredSpeed(u64);
 
@@ -70,8 +72,8 @@ impl SquaredSpeed {
         self.0
     }
 
-    /// The largest squared speed that can be reached from this one over a block, or the largest from which this one can
-    /// be reached: v^2 + 2 a S (Yu 2019).
+    /// The largest squared speed that can be reached from this one over a block, or the largest
+    /// from which this one can be reached: v^2 + 2 a S (Yu 2019).
     pub fn changed_over(self, block: &Block) -> Self {
         self.changed_by(block.reach())
     }
@@ -101,7 +103,8 @@ impl SquaredSpeed {
         if self >= Self::from(FASTEST) {
             return FASTEST;
         }
-        // The single-precision root is off by a few units, the more the faster: 2 at 256 mm/s, 12 at 2 m/s.
+        // The single-precision root is off by a few units, the more the faster: 2 at 256
+        // mm/s, 12 at 2 m/s.
         let mut speed = square_root_f32(crate::u64_to_f32::of_u64(self.0) * SCALE) as u32;
         // Remainder, in 2^-20 units: so much smaller than 2^63 that the terms may wrap.
         let square = u64::from(speed) * u64::from(speed);
@@ -121,7 +124,8 @@ impl SquaredSpeed {
 }
 
 impl From<Speed> for SquaredSpeed {
-    /// The square, the next whole number of units not below it, so that only standstill becomes zero.
+    /// The square, the next whole number of units not below it, so that only
+    /// standstill becomes zero.
     fn from(speed: Speed) -> Self {
         // 12,800,000 / 2^32 = 3,125 / 2^20, in two parts so that 64 bits are enough.
         let square = u64::from(speed.0) * u64::from(speed.0);
@@ -143,7 +147,8 @@ impl Acceleration {
         Self::from_quantised((mm_per_s2 * 256.0) as u32)
     }
 
-    /// Acceleration of this many units of 2^-8 mm/s^2, clamped to the range from one unit to the largest.
+    /// Acceleration of this many units of 2^-8 mm/s^2, clamped to the range from one
+    /// unit to the largest.
     pub fn from_quantised(units: u32) -> Self {
         Self(units.clamp(1, Self::MAX.0))
     }
@@ -176,8 +181,8 @@ pub struct Block {
     pub steps: [i32; 3],
     /// Signed travel of the extruder in 1/256 steps.
     pub extruder_256ths: i32,
-    /// Path length in units of 10 nm, at least 1: that of X, Y and Z, of the filament if it moves alone. A move can be
-    /// too short for a step and still take its time.
+    /// Path length in units of 10 nm, at least 1: that of X, Y and Z, of the filament if it moves
+    /// alone. A move can be too short for a step and still take its time.
     pub length_10nm: u32,
     /// Largest speed along the path.
     pub nominal: Speed,
@@ -204,8 +209,8 @@ impl Block {
         inner_ends: InnerEnds::NONE,
     };
 
-    /// Becomes the other block. The ends inside are copied only if there are any: they are most of a block, and few have
-    /// them.
+    /// Becomes the other block. The ends inside are copied only if there are any: they are most of
+    /// a block, and few have them.
     #[inline(always)]
     pub(crate) fn become_block(&mut self, other: &Self) {
         let Self { steps, extruder_256ths, length_10nm, nominal, acceleration, line, ends_move, inner_ends } = self;
@@ -266,7 +271,8 @@ mod tests {
             let squared = SquaredSpeed::from(Speed(speed));
             prop_assert_eq!(squared.0, units(u64::from(speed)));
             let root = squared.root();
-            // Below 0.003 mm/s several speeds have one square, and the root is always the same of them.
+            // Below 0.003 mm/s several speeds have one square, and the root is always
+            // the same of them.
             prop_assert!(root.0 >= speed && units(u64::from(root.0)) == squared.0);
             prop_assert!(root.0 == speed || speed < 200);
         }

@@ -1,4 +1,5 @@
-//! Blocks on their way from planning to interpolation: they wait in a ring until their speeds are settled.
+//! Blocks on their way from planning to interpolation: they wait in a ring until their
+//! speeds are settled.
 
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
 use crate::given_speeds::GivenSpeeds;
@@ -15,7 +16,8 @@ enum Speeds<R> {
     Given(GivenSpeeds),
 }
 
-/// The first fault of a prepared job. Until the motors' place is known again, no more of the job is taken.
+/// The first fault of a prepared job. Until the motors' place is known again, no more of
+/// the job is taken.
 #[derive(Clone, Copy, Debug)]
 struct JobFault {
     fault: PlanFault,
@@ -35,13 +37,15 @@ pub struct BlockQueue<S, R = Never> {
 }
 
 impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
-    /// A queue with look-ahead under trapezoids in the given memory; it needs at least two places to be of use.
+    /// A queue with look-ahead under trapezoids in the given memory; it needs at least two
+    /// places to be of use.
     pub fn new(slots: S) -> Self {
         let speeds = Speeds::LookAhead(LookAhead::new(&SpeedLaw::Trapezoid));
         Self { ring: Ring::new(slots), speeds, fault: None, is_switching: false }
     }
 
-    /// Lets look-ahead plan the speeds of the blocks to come, under this law; the ring must be empty.
+    /// Lets look-ahead plan the speeds of the blocks to come, under this law; the
+    /// ring must be empty.
     pub fn look_ahead(&mut self, law: &SpeedLaw<R>) {
         self.speeds = Speeds::LookAhead(LookAhead::new(law));
         self.ring.clear();
@@ -82,8 +86,9 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         self.ring.can_leave()
     }
 
-    /// True if the oldest place is final: no later block can change its speeds. Only look-ahead by single blocks knows
-    /// final places; under an S-curve and with given speeds this is always `false`.
+    /// True if the oldest place is final: no later block can change its speeds. Only
+    /// look-ahead by single blocks knows final places; under an S-curve and with given speeds
+    /// this is always `false`.
     pub fn is_first_final(&self) -> bool {
         self.ring.is_first_final()
     }
@@ -109,13 +114,14 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         self.ring.first_not_final().map(|waiting| &waiting.block)
     }
 
-    /// Lets the final places leave although the ring is not full. That changes no speed, whenever it is done.
+    /// Lets the final places leave although the ring is not full. That changes no speed,
+    /// whenever it is done.
     pub fn release_final(&mut self) {
         self.ring.release_final();
     }
 
-    /// Adds a block; `false` without room. A block whose given speed cannot be followed is dropped, the blocks before it end
-    /// in standstill, and [`Self::report_fault`] says why.
+    /// Adds a block; `false` without room. A block whose given speed cannot be followed is dropped,
+    /// the blocks before it end in standstill, and [`Self::report_fault`] says why.
     #[inline(always)]
     pub fn push(&mut self, block: &Block, start: &BlockStart) -> bool {
         if !self.has_room() {
@@ -171,7 +177,8 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         *is_switching = false;
     }
 
-    /// Notes a fault of a prepared job that is reported at once. The caller flushes: a block may still have to enter the ring.
+    /// Notes a fault of a prepared job that is reported at once. The caller flushes: a block may
+    /// still have to enter the ring.
     pub fn note_reported_fault(&mut self, fault: PlanFault) {
         self.fault = Some(JobFault { fault, is_reported: true });
     }
@@ -189,8 +196,8 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         if self.fault?.is_reported { None } else { self.report_fault() }
     }
 
-    /// Bound of the oldest block and planned entry of the next one (zero if missing), as squared speeds, for a
-    /// recorder. `None` if the oldest place holds no block.
+    /// Bound of the oldest block and planned entry of the next one (zero if missing), as squared
+    /// speeds, for a recorder. `None` if the oldest place holds no block.
     pub(crate) fn oldest_bound_and_next_entry(&self) -> Option<(SquaredSpeed, SquaredSpeed)> {
         let Some(Content::Block(oldest)) = self.ring.first() else { return None };
         let next = self.ring.second_block().map_or(SquaredSpeed::ZERO, |next| next.entry);

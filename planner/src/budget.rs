@@ -8,8 +8,8 @@ use crate::time_units::TICKS_PER_SECOND;
 
 /// Cost of moves and step events, in ticks of the time granted to motion.
 ///
-/// Every move has its cost, also where several became one block: a line is read and planned before it is known to
-/// continue the one before.
+/// Every move has its cost, also where several became one block: a line is read and planned before
+/// it is known to continue the one before.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Budget {
     event_ticks: f32,
@@ -32,8 +32,8 @@ impl Budget {
         // If two motors move an axis, each makes up to sqrt(2) times the steps of the path.
         let most_steps =
             (x.to_f64() + y.to_f64() + z.to_f64()) as f32 * (2.0 * MAX_LENGTH_10NM as f32 / UNITS_PER_MM as f32);
-        // The extruder adds as many steps as a move may have in a shared block, one begun, and one because events are
-        // rounded up.
+        // The extruder adds as many steps as a move may have in a shared block, one begun, and one
+        // because events are rounded up.
         let events = most_steps + MAX_INNER_ENDS as f32 * (MAX_EXTRUDER_256THS as f32 / 256.0 + 2.0);
         Self {
             event_ticks,
@@ -46,10 +46,11 @@ impl Budget {
     }
 
     /// Filters of this length, ticks, see no more pieces of the plan than their ring holds.
-    /// `has_knee`: where the filament passes a speed, the extruder's advance has another slope, and the plan another piece.
+    /// `has_knee`: where the filament passes a speed, the extruder's advance has another slope, and
+    /// the plan another piece.
     pub fn hold_pieces(&mut self, length_ticks: u32, is_s_curve: bool, has_knee: bool) {
-        // A block under an S-curve may have all ramps of a run. A knee may be passed once in each move, and in the one
-        // with the highest speed twice.
+        // A block under an S-curve may have all ramps of a run. A knee may be passed once in each
+        // move, and in the one with the highest speed twice.
         self.ramp_pieces = if is_s_curve { 6 } else { 2 } + u32::from(has_knee);
         self.move_pieces = 1 + u32::from(has_knee);
         self.piece_ticks = length_ticks as f32 / MOST_IN_FILTER as f32;
@@ -86,8 +87,8 @@ pub(crate) struct Cost {
 }
 
 impl Cost {
-    /// The speed at which the block takes as long as it costs, S / (events * c_event + moves * c_move), where its nominal
-    /// speed is faster.
+    /// The speed at which the block takes as long as it costs, S / (events * c_event + moves *
+    /// c_move), where its nominal speed is faster.
     #[inline(always)]
     pub fn slower_nominal(&self, nominal: Speed) -> Option<Speed> {
         if nominal.0 as f32 * self.ticks <= self.distance {

@@ -2,11 +2,12 @@
 
 use crate::real::Real;
 
-/// Path over time beside a place where the acceleration is zero: at the share x of a ramp's half, `linear x + cubic x^3`.
+/// Path over time beside a place where the acceleration is zero: at the share x of a ramp's half,
+/// `linear x + cubic x^3`.
 ///
-/// With V the speed there and t1 the half's duration, linear = V t1 and cubic = +-j t1^3 / 6: plus beside a ramp's slow
-/// end, whichever way time runs, and minus beside its fast one. There j t1^2 is no more than V, so the path grows with x
-/// everywhere.
+/// With V the speed there and t1 the half's duration, linear = V t1 and cubic = +-j t1^3 / 6: plus
+/// beside a ramp's slow end, whichever way time runs, and minus beside its fast one. There j t1^2
+/// is no more than V, so the path grows with x everywhere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cubic<F> {
     /// Path that the speed beside the place makes in a half.
@@ -15,10 +16,12 @@ pub struct Cubic<F> {
     pub cubic: F,
 }
 
-/// Newton's steps in f32. From the guess, which is less than a third too large, each squares the relative error.
+/// Newton's steps in f32. From the guess, which is less than a third too large, each squares
+/// the relative error.
 const STEPS: usize = 5;
 
-/// The cube root of a number above zero, at most 7 % too large: the bits of a float are about its logarithm.
+/// The cube root of a number above zero, at most 7 % too large: the bits of a float are
+/// about its logarithm.
 pub(crate) fn cube_root_above(x: f32) -> f32 {
     f32::from_bits(x.to_bits() / 3 + 0x2a51_0000) * 1.035
 }
@@ -39,11 +42,12 @@ impl<F: Real> Cubic<F> {
         self.linear + F::constant(3.0) * self.cubic * x * x
     }
 
-    /// The share at which a distance is reached, by a fixed number of Newton's steps; zero for distances that are not
-    /// above it.
+    /// The share at which a distance is reached, by a fixed number of Newton's steps; zero for
+    /// distances that are not above it.
     ///
-    /// Beside a slow end the path is convex and the guess not below the root, beside a fast one it is concave and the
-    /// guess not above it: either way the steps go towards the root and never past it.
+    /// Beside a slow end the path is convex and the guess not below the root, beside a fast
+    /// one it is concave and the guess not above it: either way the steps go towards the root
+    /// and never past it.
     pub(crate) fn solve(&self, distance: F) -> F {
         let short = Cubic { linear: self.linear.to_f32(), cubic: self.cubic.to_f32() };
         let guess = short.solve_f32(distance.to_f32());

@@ -10,8 +10,8 @@ const PRIME_5: u64 = PRIME_2.wrapping_mul(PRIME_2).wrapping_mul(PRIME);
 
 /// FNV-1a-64 over step events.
 ///
-/// `order` is taken over the (axes, directions) bytes of each event, `step` over its whole 12-byte trace record:
-/// u64 tick little-endian, kind 0, axes, directions, 0.
+/// `order` is taken over the (axes, directions) bytes of each event, `step` over its whole 12-byte
+/// trace record: u64 tick little-endian, kind 0, axes, directions, 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StepDigests {
     /// Hash of the motors and directions of all steps, in order.

@@ -1,7 +1,7 @@
 //! Division of 64-bit numbers by a constant, without the processor's help (R7).
 //!
-//! A Cortex-M4 divides 32 bits in hardware and 64 bits in some 250 instructions of software. A reciprocal that is
-//! known beforehand makes it four multiplications.
+//! A Cortex-M4 divides 32 bits in hardware and 64 bits in some 250 instructions of software. A
+//! reciprocal that is known beforehand makes it four multiplications.
 
 /// A divisor of 64-bit numbers, with its reciprocals.
 #[derive(Clone, Copy, Debug)]
@@ -28,8 +28,8 @@ impl Divisor {
     #[inline]
     pub const fn divide(self, number: u64) -> (u64, u64) {
         if self.short != 0 && number >> SHORT_BITS == 0 {
-            // The part of number / divisor below 2^22 loses less than 2^-10 and the cut reciprocal less than 1, so the
-            // quotient is right or at most two too small.
+            // The part of number / divisor below 2^22 loses less than 2^-10 and the cut reciprocal
+            // less than 1, so the quotient is right or at most two too small.
             let upper = number >> (SHORT_BITS - 32);
             let mut quotient = (upper.wrapping_mul(self.short as u64)) >> 32;
             let mut remainder = number.wrapping_sub(quotient.wrapping_mul(self.divisor));
@@ -39,7 +39,8 @@ impl Divisor {
             }
             return (quotient, remainder);
         }
-        // The reciprocal is short of 2^64 / divisor by at most 1, so the quotient is right or one short.
+        // The reciprocal is short of 2^64 / divisor by at most 1, so the quotient is
+        // right or one short.
         let quotient = high_product(number, self.reciprocal);
         let remainder = number - quotient * self.divisor;
         if remainder >= self.divisor { (quotient + 1, remainder - self.divisor) } else { (quotient, remainder) }

@@ -23,8 +23,8 @@ pub struct Extruder {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ExtruderPosition {
     whole_256ths: i64,
-    /// Remainder in fractions of 1/256 step; [`StepsPerMm::of_filament`]'s denominator is a whole one. Below it, also
-    /// at negative positions.
+    /// Remainder in fractions of 1/256 step; [`StepsPerMm::of_filament`]'s denominator is a whole
+    /// one. Below it, also at negative positions.
     remainder: u32,
 }
 
@@ -45,17 +45,19 @@ impl Extruder {
         Self { steps_per_mm, at: ExtruderPosition { whole_256ths: 0, remainder: 0 } }
     }
 
-    /// Sets the steps in a millimetre of filament from here on. A remainder of less than 1/256 step is forgotten.
+    /// Sets the steps in a millimetre of filament from here on. A remainder of less than 1/256
+    /// step is forgotten.
     pub(crate) fn set_steps_per_mm(&mut self, steps_per_mm: StepsPerMm) {
         let at = ExtruderPosition { whole_256ths: self.position_256ths(), remainder: 0 };
         *self = Self { steps_per_mm, at };
     }
 
-    /// True if the extruder can move by a delta, in units of 0.1 nm, at once: at most 1 m either way, and less above
-    /// 4,000 steps/mm, where the product with the steps would exceed 64 bits.
+    /// True if the extruder can move by a delta, in units of 0.1 nm, at once: at most 1 m either
+    /// way, and less above 4,000 steps/mm, where the product with the steps would exceed 64 bits.
     #[inline(always)]
     pub const fn can_push(steps_per_mm: StepsPerMm, delta_100pm: i64) -> bool {
-        // 1 m times the most steps/mm is 10^19, in range of u64, which saves a division on each line.
+        // 1 m times the most steps/mm is 10^19, in range of u64, which saves a
+        // division on each line.
         let magnitude = delta_100pm.unsigned_abs();
         // Every machine can push 21 cm: 2^31 * 10^9.
         magnitude >> 31 == 0
@@ -63,16 +65,18 @@ impl Extruder {
                 && magnitude * steps_per_mm.hundred_thousandths().unsigned_abs() <= LARGEST_PRODUCT
     }
 
-    /// Adds a delta in units of 0.1 nm for which [`Self::can_push`] holds (one that is too long is left out).
+    /// Adds a delta in units of 0.1 nm for which [`Self::can_push`] holds (one that is too
+    /// long is left out).
     pub fn advance(&mut self, delta_100pm: i64) {
         self.set(self.advanced(delta_100pm));
     }
 
-    /// Position after a delta in units of 0.1 nm for which [`Self::can_push`] holds (a longer one is left out).
+    /// Position after a delta in units of 0.1 nm for which [`Self::can_push`] holds (a longer
+    /// one is left out).
     #[inline(always)]
     pub(crate) fn advanced(&self, delta_100pm: i64) -> ExtruderPosition {
-        // Usual case of a printing move: up to some millimetres of filament, for which the processor's own division
-        // suffices.
+        // Usual case of a printing move: up to some millimetres of filament, for which the
+        // processor's own division suffices.
         if let Ok(delta) = u32::try_from(delta_100pm)
             && self.steps_per_mm.of_filament().is_some()
             && let Some(place) = self.divided(delta)
@@ -107,7 +111,8 @@ impl Extruder {
         ExtruderPosition { whole_256ths: whole_256ths + whole, remainder: rest as u32 / unit }
     }
 
-    /// Units of filament times units of steps/mm in a unit of the remainder. Both are multiples of it.
+    /// Units of filament times units of steps/mm in a unit of the remainder. Both are
+    /// multiples of it.
     fn remainder_unit(&self) -> u32 {
         UNITS_PER_256TH as u32 / self.steps_per_mm.of_filament().denominator
     }
@@ -125,14 +130,14 @@ impl Extruder {
 
     /// Position in 1/256 steps, cut towards zero.
     ///
-    /// Cut, not rounded: [`rounded_steps`] of the cut value is then always the rounding of the exact one (nested
-    /// floors), which rounding twice would miss.
+    /// Cut, not rounded: [`rounded_steps`] of the cut value is then always the rounding of the
+    /// exact one (nested floors), which rounding twice would miss.
     pub fn position_256ths(&self) -> i64 {
         self.at.position_256ths()
     }
 
-    /// Sets the motor to this step after an abandoned move. Returns the filament between there and the target of the
-    /// move, units of 0.1 nm; 0 if both are the same step, fractions included.
+    /// Sets the motor to this step after an abandoned move. Returns the filament between there and
+    /// the target of the move, units of 0.1 nm; 0 if both are the same step, fractions included.
     pub fn reset_to(&mut self, steps: i64) -> i64 {
         if rounded_steps(self.position_256ths()) == steps {
             return 0;
@@ -196,8 +201,8 @@ mod tests {
         assert_eq!(extruder.position_256ths(), 60 * 256 + 31);
     }
 
-    /// New steps/mm hold from each position on: the motor makes as many steps as they ask for, and at most a fraction
-    /// of 1/256 step is lost.
+    /// New steps/mm hold from each position on: the motor makes as many steps as they ask for, and
+    /// at most a fraction of 1/256 step is lost.
     #[test]
     fn other_steps_hold_from_where_it_stands() {
         for before in [3 * FILAMENT_UNITS_PER_MM + 12_345, -7 * FILAMENT_UNITS_PER_MM - 99] {

@@ -1,4 +1,5 @@
-//! The extruder's steps between the master's. The hot loop looks here for each step (R1); an extruder's step is rare (R3).
+//! The extruder's steps between the master's. The hot loop looks here for each step (R1); an
+//! extruder's step is rare (R3).
 
 use crate::methods::Pieces;
 use crate::step_times::StepTimes;
@@ -48,22 +49,24 @@ impl ExtruderGap {
         self.start.wrapping_add(u64::from(self.free.wrapping_sub(free)) << FRACTION_BITS)
     }
 
-    /// Takes note that the master has stepped, and that no step of the extruder is due for `free` ticks.
+    /// Takes note that the master has stepped, and that no step of the extruder is due
+    /// for `free` ticks.
     #[inline(always)]
     fn settle(&mut self, free: u32) {
         self.start = self.last(free);
         self.free = free;
     }
 
-    /// Time from the last event to the extruder's next step, in time units, half a tick included; `None` if it makes no
-    /// more. Wraps if the step should have come before that event.
+    /// Time from the last event to the extruder's next step, in time units, half a tick included;
+    /// `None` if it makes no more. Wraps if the step should have come before that event.
     fn distance<P: Pieces>(&self, extruder: &StepTimes<P>) -> Option<u64> {
         extruder.next().map(|due| due.wrapping_add(HALF_TICK).wrapping_sub(self.start))
     }
 
-    /// Number of the `count` steps of the master that come before the extruder's next step. No extruder step is due for
-    /// `free` ticks; the master's first step is `gap` time units after the last event and the others follow at this
-    /// interval. At least one; never too many, and very rarely one too few.
+    /// Number of the `count` steps of the master that come before the extruder's next step. No
+    /// extruder step is due for `free` ticks; the master's first step is `gap` time units after the
+    /// last event and the others follow at this interval. At least one; never too many, and very
+    /// rarely one too few.
     #[cold]
     #[inline(never)]
     pub(crate) fn fitting<P: Pieces>(
@@ -86,15 +89,16 @@ impl ExtruderGap {
         fitting.saturating_add(1).min(count)
     }
 
-    /// A stair ends this many ticks after the last event, perhaps a little later than the extruder's next step, which then
-    /// is asked for after it. For how many ticks none is asked for.
+    /// A stair ends this many ticks after the last event, perhaps a little later than
+    /// the extruder's next step, which then is asked for after it. For how many ticks
+    /// none is asked for.
     pub(crate) fn free_for(&mut self, ticks: u32) -> u32 {
         self.free = self.free.max(ticks);
         self.free
     }
 
-    /// Takes the extruder's next step, if it comes before the master's, which is `gap` after the last event and will be
-    /// the event of this number; none is due for `free` ticks.
+    /// Takes the extruder's next step, if it comes before the master's, which is `gap` after the
+    /// last event and will be the event of this number; none is due for `free` ticks.
     // Most steps have none of the extruder's before them.
     #[cold]
     #[inline(never)]
@@ -109,7 +113,8 @@ impl ExtruderGap {
             if behind.cast_signed() < 0 {
                 return Look::TooNear;
             }
-            // The extruder's step may be of the same tick. The next question is for the event after that.
+            // The extruder's step may be of the same tick. The next question is for the
+            // event after that.
             self.free = free.max(((gap >> FRACTION_BITS) as u32).saturating_add(1));
             return Look::Free;
         }

@@ -40,7 +40,8 @@ impl Follower {
         self.line.width()
     }
 
-    /// Passes `count` master steps, at most [`Self::until`]; the motor's bit if it steps with the last of them.
+    /// Passes `count` master steps, at most [`Self::until`]; the motor's bit if it steps with
+    /// the last of them.
     // R1.
     #[inline(always)]
     pub fn pass(&mut self, count: u32) -> u8 {

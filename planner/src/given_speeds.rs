@@ -1,17 +1,19 @@
-//! Entry speeds that were planned elsewhere, with all the look-ahead there is (Yu 2019: plan on the computer, execute on the
-//! board).
+//! Entry speeds that were planned elsewhere, with all the look-ahead there is (Yu 2019: plan on the
+//! computer, execute on the board).
 //!
-//! Given speeds are upper bounds. The forward pass is made here as for any block, so a machine that was slowed down, or that
-//! begins in the middle, follows the plan from below and meets it where acceleration lets it. One sum takes the place of
-//! the reverse pass: a block leaves with no more speed than all blocks after it in the ring can take away, so the
-//! machine can stop on the path whatever comes next, or does not come.
+//! Given speeds are upper bounds. The forward pass is made here as for any block, so a machine that
+//! was slowed down, or that begins in the middle, follows the plan from below and meets it where
+//! acceleration lets it. One sum takes the place of the reverse pass: a block leaves with no more
+//! speed than all blocks after it in the ring can take away, so the machine can stop on the path
+//! whatever comes next, or does not come.
 
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
 use crate::pace::Pace;
 use crate::ring::{Content, Ring, RingMemory, Waiting};
 use crate::speed_plan::{BlockStart, EntrySpeed, PlanFault, Released, SpeedPlan};
 
-/// The forward pass over planned speeds, before blocks enter the ring; the writer of a job makes the same.
+/// The forward pass over planned speeds, before blocks enter the ring; the writer of a
+/// job makes the same.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ForwardPass {
     /// Planned entry of the newest block.
@@ -23,10 +25,12 @@ pub struct ForwardPass {
 }
 
 impl ForwardPass {
-    /// Takes the next block; returns its planned entry. At a standstill any plan will do, for the block starts with zero.
+    /// Takes the next block; returns its planned entry. At a standstill any plan will do, for the
+    /// block starts with zero.
     ///
     /// # Errors
-    /// The plan breaks the bound, or the block before would have to brake harder than it may. Nothing has changed then.
+    /// The plan breaks the bound, or the block before would have to brake harder than it may.
+    /// Nothing has changed then.
     pub fn next(
         &mut self,
         block: &Block,
@@ -47,7 +51,8 @@ impl ForwardPass {
     ) -> Result<SquaredSpeed, PlanFault> {
         let planned = match entry {
             EntrySpeed::Bound => bound,
-            // The machine was stopped inside a block: the rest of it is a block that keeps slowing down.
+            // The machine was stopped inside a block: the rest of it is a block that
+            // keeps slowing down.
             EntrySpeed::Falling | EntrySpeed::Continues => self.planned.slowed_by(self.reach),
             EntrySpeed::Given(planned) => planned,
         };
@@ -96,7 +101,8 @@ impl ForwardPass {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GivenSpeeds {
     pass: ForwardPass,
-    /// Sum of 2 a S over all blocks in the ring: the largest squared speed from which they can bring the machine to rest.
+    /// Sum of 2 a S over all blocks in the ring: the largest squared speed from which they can
+    /// bring the machine to rest.
     reach: u64,
     /// Speed with which the last block left, and its square.
     last_exit: Speed,
@@ -145,7 +151,8 @@ impl SpeedPlan for GivenSpeeds {
         ring.stopped = false;
         ring.newest_nominal = start.nominal;
         ring.push_with(|content| {
-            // Nearly always a block was here before. Its fields that a prepared one does not use may stay.
+            // Nearly always a block was here before. Its fields that a prepared one does
+            // not use may stay.
             if !matches!(content, Content::Block(_)) {
                 *content = Content::Block(Waiting::NONE);
             }
@@ -157,7 +164,8 @@ impl SpeedPlan for GivenSpeeds {
         Ok(())
     }
 
-    /// Takes the oldest block or marker out of the ring. What follows a block must be able to stop the machine.
+    /// Takes the oldest block or marker out of the ring. What follows a block must be able to
+    /// stop the machine.
     #[inline(never)]
     fn pop<S: RingMemory>(&mut self, ring: &mut Ring<S>, pace: Pace) -> Option<Released> {
         let Some(Content::Block(waiting)) = ring.first() else { return ring.pop_marker().map(Released::Marker) };

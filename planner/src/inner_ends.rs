@@ -6,8 +6,9 @@ pub const MAX_INNER_ENDS: usize = 7;
 /// Longest block of several moves, units of 10 nm: what an inner end's place can hold.
 pub(crate) const MAX_LENGTH_10NM: u32 = u16::MAX as u32;
 
-/// Most filament that a move pushes in a block that it shares, 1/256 steps: an eighth of what an inner end can hold, so
-/// that a job that was prepared can be printed with eight times its flow (M221).
+/// Most filament that a move pushes in a block that it shares, 1/256 steps: an eighth of
+/// what an inner end can hold, so that a job that was prepared can be printed with eight
+/// times its flow (M221).
 pub(crate) const MAX_EXTRUDER_256THS: u32 = i16::MAX as u32 / 8;
 
 /// The end of a move inside a block.
@@ -27,9 +28,9 @@ pub struct InnerEnd {
 
 /// The ends inside a block, in the order of the path.
 ///
-/// The type is small because every place of the look-ahead ring has one. Only short moves are worth sharing a block, so a path
-/// position has 16 bits (0.65 mm), a move has at most 127 steps of a motor and 127 of the extruder, and a line is given
-/// by its distance from the block's.
+/// The type is small because every place of the look-ahead ring has one. Only short moves are worth
+/// sharing a block, so a path position has 16 bits (0.65 mm), a move has at most 127 steps of a
+/// motor and 127 of the extruder, and a line is given by its distance from the block's.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct InnerEnds {
     lengths_10nm: [u16; MAX_INNER_ENDS],
@@ -62,8 +63,8 @@ impl InnerEnds {
         count: 0,
     };
 
-    /// These ends and one more, in a block that now ends at `block_line` instead of at the added end's line; `None` if
-    /// it does not fit.
+    /// These ends and one more, in a block that now ends at `block_line` instead of at the added
+    /// end's line; `None` if it does not fit.
     pub fn with(&self, added: InnerEnd, block_line: u32) -> Option<Self> {
         let mut ends = *self;
         let step = u8::try_from(block_line.checked_sub(added.line)?).ok()?;

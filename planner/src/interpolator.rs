@@ -1,9 +1,9 @@
 //! Interpolation: turns a time law into ordered step events.
 //!
-//! The motor with most steps is the master: its step k of N is due at path position (k - 1/2) S/N, so that motors run
-//! from one rounded position to the next without ever being a step away from the straight line. The other two follow it
-//! by step Bresenham. The extruder has its own times: it steps as e(t) = e0 + lambda s(t) passes a half step, lambda =
-//! dE/S (Wu 2024, eqs. 10 and 11).
+//! The motor with most steps is the master: its step k of N is due at path position (k - 1/2) S/N,
+//! so that motors run from one rounded position to the next without ever being a step away from the
+//! straight line. The other two follow it by step Bresenham. The extruder has its own times: it
+//! steps as e(t) = e0 + lambda s(t) passes a half step, lambda = dE/S (Wu 2024, eqs. 10 and 11).
 
 mod hot_loop;
 mod pattern_merge;
@@ -45,10 +45,11 @@ struct Rest<P> {
     end_10nm: u32,
 }
 
-/// Turns one block at a time into step events, move by move: each *stretch* of a block has its own motor steps, and all
-/// follow the block's time law.
+/// Turns one block at a time into step events, move by move: each *stretch* of a block has its own
+/// motor steps, and all follow the block's time law.
 ///
-/// Within a block, times are in units of 2^-16 tick from its start. They wrap: what is before it is just below 2^64.
+/// Within a block, times are in units of 2^-16 tick from its start. They wrap: what is before it is
+/// just below 2^64.
 #[derive(Clone, Copy, Debug)]
 pub struct Interpolator<M: MotionMethods = Standard> {
     /// Least ticks between events.
@@ -59,9 +60,11 @@ pub struct Interpolator<M: MotionMethods = Standard> {
     clock: u64,
     /// Time of the last event handed out or held, a whole tick.
     last: u64,
-    /// End of the previous move, a whole tick: an extruder step due at the very start of a move stays after it.
+    /// End of the previous move, a whole tick: an extruder step due at the very start of a
+    /// move stays after it.
     move_start: u64,
-    /// Entries on their way out. The last of them is held back while a later event may still join it.
+    /// Entries on their way out. The last of them is held back while a later event
+    /// may still join it.
     entries: EventBuffer<MAX_ENTRIES>,
     /// Direction signals after the last entry.
     directions: u8,
@@ -80,7 +83,8 @@ pub struct Interpolator<M: MotionMethods = Standard> {
     /// An event of the master without the followers, and of master and first follower.
     masters_events: [StepEntry; 2],
     extruder: StepTimes<M::Pieces>,
-    /// Flags for the master's next event: [`EXTRUDER`] if a near step of it waits for the event, and [`MOVE_BEGINS`].
+    /// Flags for the master's next event: [`EXTRUDER`] if a near step of it waits for the event,
+    /// and [`MOVE_BEGINS`].
     joining: u8,
     /// Another step pattern than step Bresenham.
     pattern: Option<M::Pattern>,
@@ -89,8 +93,8 @@ pub struct Interpolator<M: MotionMethods = Standard> {
 }
 
 impl<M: MotionMethods> Interpolator<M> {
-    /// An interpolator at tick 0 of the motion clock, all motors forwards. Events are at least `minimum_event_interval_ticks`
-    /// apart, and at least a tick.
+    /// An interpolator at tick 0 of the motion clock, all motors forwards. Events are at least
+    /// `minimum_event_interval_ticks` apart, and at least a tick.
     pub fn new(minimum_event_interval_ticks: u32) -> Self {
         let minimum_interval = minimum_event_interval_ticks.max(1);
         Self {
@@ -118,8 +122,8 @@ impl<M: MotionMethods> Interpolator<M> {
         }
     }
 
-    /// Sets the step pattern for the blocks to come; `None` for step Bresenham, with which the interpolator begins. The
-    /// block in execution keeps its pattern.
+    /// Sets the step pattern for the blocks to come; `None` for step Bresenham, with which the
+    /// interpolator begins. The block in execution keeps its pattern.
     pub fn set_pattern(&mut self, pattern: Option<M::Pattern>) {
         self.pattern = pattern;
     }
@@ -140,8 +144,8 @@ impl<M: MotionMethods> Interpolator<M> {
         self.clock
     }
 
-    /// Forgets the present block: a new interpolator, with the motors at rest at this tick of the motion clock, the
-    /// extruder here and the direction signals so.
+    /// Forgets the present block: a new interpolator, with the motors at rest at this tick of the
+    /// motion clock, the extruder here and the direction signals so.
     pub fn reset_to(&mut self, clock: u64, extruder_256ths: i64, directions: u8) {
         // Overwritten in place: a new value would take stack.
         let Self {
@@ -338,7 +342,8 @@ impl<M: MotionMethods> Interpolator<M> {
         let mut room = EVENTS_AT_ONCE;
         while room > 0 {
             let (master, extruder) = (self.master.next(), self.extruder.next());
-            // Time from the last event to the master's step; wraps if the step should have come before it.
+            // Time from the last event to the master's step; wraps if the step should
+            // have come before it.
             let behind = master.map(|due| due.wrapping_add(HALF_TICK).wrapping_sub(self.last));
             if let Some(behind) = behind.filter(|&behind| behind < FAR) {
                 let (entries, has_joined) = match self.master.cruise() {
@@ -369,7 +374,8 @@ impl<M: MotionMethods> Interpolator<M> {
             let event = if let Some(to_master) = to_master {
                 self.extruder.take(1);
                 if to_master < self.near {
-                    // The extruder, the slower of the two, gives way: it steps with the master, which stays on time.
+                    // The extruder, the slower of the two, gives way: it steps with the master,
+                    // which stays on time.
                     self.joining |= EXTRUDER;
                     continue;
                 }
@@ -404,7 +410,8 @@ impl<M: MotionMethods> Interpolator<M> {
         true
     }
 
-    /// Adds an event that is too near to the one before, or earlier than it: it joins that, or waits until it is far enough.
+    /// Adds an event that is too near to the one before, or earlier than it: it joins that, or
+    /// waits until it is far enough.
     #[cold]
     #[inline(never)]
     fn place_near(&mut self, axes: u8) {
@@ -431,8 +438,9 @@ impl<M: MotionMethods> Interpolator<M> {
         if gap >= FAR && self.has_waited(gap) {
             return Work::Waited;
         }
-        // No step of the next move joins the last event of this one: when a move ends, its motors are at its end. The
-        // end comes no earlier than an event that had to keep its distance, or than the end of the previous stretch.
+        // No step of the next move joins the last event of this one: when a move ends, its motors
+        // are at its end. The end comes no earlier than an event that had to keep its distance, or
+        // than the end of the previous stretch.
         self.move_start = later(later(end, self.last), self.move_start);
         let tick = self.tick(self.move_start);
         let notice = self.line.map(|line| Notice::MoveEnded { tick, line });
@@ -467,7 +475,8 @@ enum Work {
     Events,
     /// Time passes; nothing joins the event before.
     Waited,
-    /// Ends a stretch, whose steps are all made: no later event joins the last. Returns the move that ends with it.
+    /// Ends a stretch, whose steps are all made: no later event joins the last. Returns the move
+    /// that ends with it.
     StretchEnded(Option<Notice>),
 }
 

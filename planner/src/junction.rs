@@ -6,16 +6,16 @@ use crate::limits::{larger, smaller};
 use crate::path::{Path, Turn};
 use crate::square_root::square_root_f32;
 
-/// Radius, units of 10 nm, of the arc that rounds the corner between two moves; infinite when they are in line, 0 when
-/// they reverse or one of them goes nowhere.
+/// Radius, units of 10 nm, of the arc that rounds the corner between two moves; infinite when they
+/// are in line, 0 when they reverse or one of them goes nowhere.
 ///
-/// Yu 2019, fig. 2: the arc stays within `deviation_10nm` of the corner,
-/// R = delta cos(theta/2) / (1 - cos(theta/2)), theta being the angle between the two directions. It must also
-/// fit: it touches each move at R tan(theta/2) from the corner, which may not pass the move's middle, so
-/// R <= (d/2) / tan(theta/2), d being the length of the shorter move.
+/// Yu 2019, fig. 2: the arc stays within `deviation_10nm` of the corner, R = delta cos(theta/2) /
+/// (1 - cos(theta/2)), theta being the angle between the two directions. It must also fit: it
+/// touches each move at R tan(theta/2) from the corner, which may not pass the move's middle, so R
+/// <= (d/2) / tan(theta/2), d being the length of the shorter move.
 ///
-/// With c = cos(theta/2), q = c^2 = (1 + cos theta)/2 and 1 - c = sin^2(theta) / (4 q (1 + c)) these are
-/// 4 delta q c (1 + c) / sin^2(theta) and d q / sin(theta): one root and one division.
+/// With c = cos(theta/2), q = c^2 = (1 + cos theta)/2 and 1 - c = sin^2(theta) / (4 q (1 + c))
+/// these are 4 delta q c (1 + c) / sin^2(theta) and d q / sin(theta): one root and one division.
 pub fn radius_10nm(before: &Path, after: &Path, four_deviations_10nm: f32) -> f32 {
     if before.length <= 0.0 || after.length <= 0.0 {
         return 0.0;
@@ -35,9 +35,10 @@ pub fn radius_10nm(before: &Path, after: &Path, four_deviations_10nm: f32) -> f3
     if within_deviation < fitting { within_deviation } else { fitting }
 }
 
-/// The largest speed at which no axis changes its own speed at a corner by more than it may: |u_after - u_before| v <= limit,
-/// u being the share of the axis in the path. `per_limit` are the reciprocals of the limits of X, Y, Z and the filament,
-/// s/mm, 0 for an axis without one. Both paths have a length. Of X and Y Z takes the part that the surface's slope along them is.
+/// The largest speed at which no axis changes its own speed at a corner by more than it
+/// may: |u_after - u_before| v <= limit, u being the share of the axis in the path. `per_limit` are
+/// the reciprocals of the limits of X, Y, Z and the filament, s/mm, 0 for an axis without one. Both
+/// paths have a length. Of X and Y Z takes the part that the surface's slope along them is.
 #[inline(always)]
 pub fn speed_of_jumps(before: &Path, after: &Path, per_limit: [f32; 4], slope: [f32; 2]) -> Speed {
     let [x, y, z, e] = Path::jumps(before, after);
@@ -85,7 +86,8 @@ impl CornerAcceleration {
     /// The speed along an arc of this radius, v^2 = a R (Yu 2019).
     #[inline(always)]
     pub fn speed_along(self, radius_10nm: f32) -> Speed {
-        // The square root can be NaN, for an infinite radius without acceleration; the cast makes it 0.
+        // The square root can be NaN, for an infinite radius without acceleration; the
+        // cast makes it 0.
         Speed(square_root_f32(radius_10nm * self.0) as u32)
     }
 }

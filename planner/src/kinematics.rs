@@ -1,5 +1,5 @@
-//! Conversion of machine coordinates to motor steps: [the motors of each axis](LinearKinematics), and the length of a
-//! step.
+//! Conversion of machine coordinates to motor steps: [the motors of each axis](LinearKinematics),
+//! and the length of a step.
 
 mod cartesian;
 mod core_xy;
@@ -21,8 +21,8 @@ pub use linear::{Length, LinearKinematics};
 
 pub use crate::units::UNITS_PER_MM;
 
-/// Largest coordinate, either sign, in units of 10 nm: 5 m. Keeps every product below, and the time of a slow
-/// move, in 64 bits.
+/// Largest coordinate, either sign, in units of 10 nm: 5 m. Keeps every product below, and the time
+/// of a slow move, in 64 bits.
 pub const MAX_COORDINATE_10NM: i64 = 5_000 * UNITS_PER_MM;
 
 /// Units of [`StepsPerMm`] times 10 nm in a step.
@@ -38,7 +38,8 @@ pub(crate) fn narrow(position_10nm: [i64; 3]) -> Option<[i32; 3]> {
     (within(wide_x, x) && within(wide_y, y) && within(wide_z, z)).then_some(near)
 }
 
-/// A machine coordinate of at most [`MAX_COORDINATE_10NM`] either way, units of 10 nm: a value of this type needs no second check.
+/// A machine coordinate of at most [`MAX_COORDINATE_10NM`] either way, units of 10 nm: a value of
+/// this type needs no second check.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Coordinate(i32);
 
@@ -104,12 +105,14 @@ impl Fraction {
         self.numerator != 0
     }
 
-    /// A whole number times the fraction, if it [is one](Self::is_some), rounded to the nearest whole number; of two the
-    /// larger. `None` where the product leaves 32 bits: the processor divides no more.
+    /// A whole number times the fraction, if it [is one](Self::is_some), rounded to the nearest
+    /// whole number; of two the larger. `None` where the product leaves 32 bits: the processor
+    /// divides no more.
     #[inline(always)]
     fn rounded(self, number: u32) -> Option<u32> {
         let product = u64::from(number) * u64::from(self.numerator) + u64::from(self.denominator.get() / 2);
-        // Half of an odd denominator is not a whole number: 2 (p + half) is odd too, and never a multiple.
+        // Half of an odd denominator is not a whole number: 2 (p + half) is odd too, and
+        // never a multiple.
         let product = u32::try_from(product).ok()?;
         Some(product / self.denominator)
     }
@@ -130,7 +133,8 @@ impl StepsPerMm {
         (1.0..1e9 + 1.0).contains(&scaled).then(|| Self::nearest(steps_per_mm))
     }
 
-    /// The nearest value with five decimals that there is: values outside 0.00001 to 10,000 become these ends, NaN the lower.
+    /// The nearest value with five decimals that there is: values outside 0.00001 to 10,000 become
+    /// these ends, NaN the lower.
     pub fn nearest(steps_per_mm: f64) -> Self {
         Self::clamped((steps_per_mm * 100_000.0 + 0.5) as i64)
     }
@@ -169,8 +173,8 @@ impl StepsPerMm {
         self.hundred_thousandths
     }
 
-    /// The motor position for a coordinate of at most twice [`MAX_COORDINATE_10NM`]: the exact product, rounded half
-    /// away from zero.
+    /// The motor position for a coordinate of at most twice [`MAX_COORDINATE_10NM`]: the exact
+    /// product, rounded half away from zero.
     pub fn steps(self, coordinate_10nm: i64) -> i32 {
         let limit = 2 * MAX_COORDINATE_10NM;
         self.steps_of_near(coordinate_10nm.clamp(-limit, limit) as i32)
@@ -218,8 +222,9 @@ impl StepsPerMm {
         }
     }
 
-    /// Version by one division of the processor, which takes 32 bits. Below 5.4 m four roundings in double precision
-    /// are off by less than 2^-21; a quotient by less than 2^20 that is not a half is further from the nearest half.
+    /// Version by one division of the processor, which takes 32 bits. Below 5.4 m four roundings in
+    /// double precision are off by less than 2^-21; a quotient by less than 2^20 that is not a half
+    /// is further from the nearest half.
     #[inline(always)]
     fn near_coordinate_10nm(&self, steps: i64) -> Option<i64> {
         let Fraction { numerator, denominator } = self.steps_per_10nm;
@@ -255,24 +260,25 @@ pub struct Geometry {
     pub steps_per_mm: [StepsPerMm; 4],
     /// Step events nearer than this join, in ticks; also the shortest interval of any motor.
     pub minimum_event_interval_ticks: u32,
-    /// Processor time that a step event costs, in ticks, drawn out by the share of the processor that motion gets: a
-    /// block takes at least this long for each of its events. 0 where steps cost nothing.
+    /// Processor time that a step event costs, in ticks, drawn out by the share of the
+    /// processor that motion gets: a block takes at least this long for each of its events. 0
+    /// where steps cost nothing.
     pub event_cost_ticks: u32,
     /// Ticks for each move, from its line to its last step, without its events.
     pub move_cost_ticks: u32,
 }
 
 impl Geometry {
-    /// Steps of the X, Y and Z motors at a machine position in units of 10 nm: each is the exact product of its
-    /// coordinate with its steps/mm, rounded half away from zero.
+    /// Steps of the X, Y and Z motors at a machine position in units of 10 nm: each is the exact
+    /// product of its coordinate with its steps/mm, rounded half away from zero.
     pub fn motor_steps(&self, position_10nm: [i64; 3]) -> [i32; 3] {
         let [first, second, third] = self.kinematics.motors(position_10nm);
         let [steps_x, steps_y, steps_z, _] = self.steps_per_mm;
         [steps_x.steps(first), steps_y.steps(second), steps_z.steps(third)]
     }
 
-    /// Version of [`Self::motor_steps`] for a known other position and its motors: a third motor that stays is not
-    /// computed again. Both positions are within [`MAX_COORDINATE_10NM`].
+    /// Version of [`Self::motor_steps`] for a known other position and its motors: a third motor
+    /// that stays is not computed again. Both positions are within [`MAX_COORDINATE_10NM`].
     #[inline(always)]
     pub(crate) fn motor_steps_from(
         &self,

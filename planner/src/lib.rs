@@ -1,13 +1,14 @@
-//! Planning of moves into step events: the motion code of Ferrostep, the same on the desk and on the board.
+//! Planning of moves into step events: the motion code of Ferrostep, the same on the desk
+//! and on the board.
 //!
-//! A [`Move`] passes four stages, each a module: [`kinematics`] turns it into motor steps, [`look_ahead`] finds the
-//! speeds at its ends, [`time_law`] gives s(t), and [`interpolator`] turns that into [`StepEntry`]s. Short moves that
-//! continue each other become one block before look-ahead.
-//! [`Planner`] connects them.
+//! A [`Move`] passes four stages, each a module: [`kinematics`] turns it into motor steps,
+//! [`look_ahead`] finds the speeds at its ends, [`time_law`] gives s(t), and [`interpolator`] turns
+//! that into [`StepEntry`]s. Short moves that continue each other become one block before
+//! look-ahead. [`Planner`] connects them.
 //!
-//! No text, no hardware, no heap. The results are bit-identical on every target: positions and times accumulate in
-//! integers, arithmetic once a move is f32, once a block f32 or, where that is not exact enough, f64, once a step f32, all
-//! with + - * / and square root alone.
+//! No text, no hardware, no heap. The results are bit-identical on every target: positions and
+//! times accumulate in integers, arithmetic once a move is f32, once a block f32 or, where that is
+//! not exact enough, f64, once a step f32, all with + - * / and square root alone.
 #![cfg_attr(not(test), no_std)]
 
 pub mod backlash;
@@ -86,6 +87,7 @@ pub use step_times::StepTimes;
 pub use time_units::TICKS_PER_SECOND;
 pub use tolerance::PATH_TOLERANCE_MM;
 
-/// Version of the rules by which moves become blocks and blocks get their speeds. To be raised with any change that gives
-/// a job other steps: jobs that were prepared by the rules of another version are not executed.
+/// Version of the rules by which moves become blocks and blocks get their speeds. To be raised with
+/// any change that gives a job other steps: jobs that were prepared by the rules of another version
+/// are not executed.
 pub const PLANNER_VERSION: u32 = 3;

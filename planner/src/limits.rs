@@ -7,7 +7,8 @@ use crate::surface::SurfaceBounds;
 /// Number of axes a limit is kept for: X, Y, Z and the extruder, in this order.
 pub const AXES: usize = 4;
 
-/// Limits that hold along every path. All values are in mm, mm/s, mm/s^2 and mm/s^3 and greater than zero.
+/// Limits that hold along every path. All values are in mm, mm/s, mm/s^2 and mm/s^3 and
+/// greater than zero.
 ///
 /// M201, M203, M204 and M205 change them between moves; a block keeps those it was planned with.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,10 +23,11 @@ pub struct Limits {
     pub travel_acceleration_mm_per_s2: f64,
     /// Acceleration of an extruder-only move, mm/s^2 (M204 R).
     pub retract_acceleration_mm_per_s2: f64,
-    /// Maximum distance of the arc that rounds a corner from the corner, mm (Yu 2019, delta; M205 J).
+    /// Maximum distance of the arc that rounds a corner from the corner, mm (Yu
+    /// 2019, delta; M205 J).
     pub junction_deviation_mm: f64,
-    /// Maximum change of speed of X, Y, Z and the filament at a corner, mm/s (M205 X Y Z E, "jerk"); infinite for an
-    /// axis that has only the arc's limit.
+    /// Maximum change of speed of X, Y, Z and the filament at a corner, mm/s (M205 X Y Z E,
+    /// "jerk"); infinite for an axis that has only the arc's limit.
     pub instantaneous_corner_velocity_mm_per_s: [f64; AXES],
 }
 
@@ -50,8 +52,8 @@ impl ExtruderAdvance {
     }
 }
 
-/// The limits as the planning of a block uses them: in single precision, for which the Cortex-M4F has
-/// instructions; double precision is software there, some hundred instructions an operation.
+/// The limits as the planning of a block uses them: in single precision, for which the Cortex-M4F
+/// has instructions; double precision is software there, some hundred instructions an operation.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathLimits {
     /// The filament's is that in a line, where the extruder's advance takes a part of what it may.
@@ -77,11 +79,13 @@ pub(crate) struct PathLimits {
 pub(crate) type FeedAndAcceleration = (f32, f32);
 
 impl PathLimits {
-    /// These limits, less what the extruder needs for its advance: largest K, s, and the time over which it is averaged, s.
+    /// These limits, less what the extruder needs for its advance: largest K, s, and the time over
+    /// which it is averaged, s.
     ///
-    /// The extruder goes at e' + (K / B) times the difference of e' over B. Half of its speed is left to the flow, a quarter to
-    /// the advance where the flow accelerates, K e'', and a quarter where it changes at a corner, (K / B) times the change. Its
-    /// acceleration is e'' + (K / B) times a difference of e'', at most 1 + 2 K / B times the flow's.
+    /// The extruder goes at e' + (K / B) times the difference of e' over B. Half of its speed is
+    /// left to the flow, a quarter to the advance where the flow accelerates, K e'', and a quarter
+    /// where it changes at a corner, (K / B) times the change. Its acceleration is e'' + (K / B)
+    /// times a difference of e'', at most 1 + 2 K / B times the flow's.
     pub fn new(limits: &Limits, advance: &ExtruderAdvance) -> Self {
         let [feed_x, feed_y, .., filament_feed] = limits.max_feed_mm_per_s.map(|limit| limit as f32);
         let [acceleration_x, acceleration_y, .., filament_acceleration] =
@@ -132,18 +136,18 @@ impl PathLimits {
         (smaller(feed_mm_per_s, self.filament_feed_mm_per_s), acceleration)
     }
 
-    /// Limits a feed along a path of this length and these travels of X, Y, Z and the filament, all in units of
-    /// 10 nm, with or without extrusion.
+    /// Limits a feed along a path of this length and these travels of X, Y, Z and the filament, all
+    /// in units of 10 nm, with or without extrusion.
     ///
-    /// An axis whose travel has the share u of the path allows v / |u| and a / |u|. A multiplication tells whether it
-    /// limits at all; only an axis that does costs a division.
+    /// An axis whose travel has the share u of the path allows v / |u| and a / |u|. A
+    /// multiplication tells whether it limits at all; only an axis that does costs a division.
     #[inline(always)]
     pub fn along(&self, feed_mm_per_s: f32, length: f32, travels: [f32; AXES], prints: bool) -> FeedAndAcceleration {
         let feed = feed_mm_per_s;
         let acceleration = if prints { self.print_acceleration_mm_per_s2 } else { self.travel_acceleration_mm_per_s2 };
-        // Nearly all moves are in the plane, at a feed and an acceleration that both axes have by themselves. Of
-        // products of numbers that are no larger none is rounded to a larger one, so X, Y and the resting Z set no
-        // limit.
+        // Nearly all moves are in the plane, at a feed and an acceleration that both axes have by
+        // themselves. Of products of numbers that are no larger none is rounded to a larger one, so
+        // X, Y and the resting Z set no limit.
         let [x, y, z, filament] = travels;
         let [.., filament_feed] = self.max_feed_mm_per_s;
         let [.., filament_acceleration] = self.max_acceleration_mm_per_s2;
@@ -159,9 +163,10 @@ impl PathLimits {
 
     /// Version of [`Self::along`] for a Z that also follows a surface.
     ///
-    /// Z's part of the path is then |u_z| (1 + fade) + slope_x |u_x| + slope_y |u_y| at most. Along a straight path that part
-    /// changes by 2 twist |u_x u_y| + 2 fade' |u_z| for each mm, and Z's acceleration is a times the part and v^2 times its change;
-    /// of what Z may, the change gets half at most. At the border of two cells Z's speed changes at once, as at a corner.
+    /// Z's part of the path is then |u_z| (1 + fade) + slope_x |u_x| + slope_y |u_y| at most. Along
+    /// a straight path that part changes by 2 twist |u_x u_y| + 2 fade' |u_z| for each mm, and Z's
+    /// acceleration is a times the part and v^2 times its change; of what Z may, the change gets
+    /// half at most. At the border of two cells Z's speed changes at once, as at a corner.
     #[inline(never)]
     pub fn along_surface(
         &self,

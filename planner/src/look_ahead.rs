@@ -23,7 +23,8 @@ pub enum SpeedLaw<R = Never> {
     Trapezoid,
     /// Constant jerk, under which neighbouring blocks share one law if that is faster.
     SCurve(Jerks),
-    /// Constant jerk, with zero acceleration at the ends of every block: the baseline for the gain of shared laws.
+    /// Constant jerk, with zero acceleration at the ends of every block: the baseline for the
+    /// gain of shared laws.
     SCurveBlockByBlock(Jerks),
     /// Another rule.
     Other(R),
@@ -57,12 +58,13 @@ impl<R: SpeedRule> LookAhead<R> {
         Self { law, last_exit: SquaredSpeed::ZERO }
     }
 
-    /// Takes note of the next block: it will begin at the bound of its corner, and is `block` so far, which may still
-    /// grow. If it is long enough to brake from there, the speeds of all blocks before it are final. Its arrival
-    /// changes none of them.
+    /// Takes note of the next block: it will begin at the bound of its corner, and is `block` so
+    /// far, which may still grow. If it is long enough to brake from there, the speeds of all
+    /// blocks before it are final. Its arrival changes none of them.
     #[inline(never)]
     pub(crate) fn foresee<S: RingMemory>(&self, ring: &mut Ring<S>, block: &Block, corner: Speed) {
-        // The oldest block leaves a full ring before the next one comes, with a speed that does not know of it.
+        // The oldest block leaves a full ring before the next one comes, with a speed that
+        // does not know of it.
         if !matches!(self.law, Law::Trapezoid) || ring.next_entry.is_some() || !ring.has_room() {
             return;
         }
@@ -117,8 +119,8 @@ impl<R: SpeedRule> SpeedPlan for LookAhead<R> {
         Ok(())
     }
 
-    /// Yu's forward pass, a block at a time: the exit speed is what the next block's entry and this block's own acceleration
-    /// allow.
+    /// Yu's forward pass, a block at a time: the exit speed is what the next block's entry and this
+    /// block's own acceleration allow.
     #[inline(never)]
     fn pop<S: RingMemory>(&mut self, ring: &mut Ring<S>, pace: Pace) -> Option<Released> {
         if let Law::Runs(runs) = &mut self.law {
@@ -159,8 +161,9 @@ impl<R: SpeedRule> SpeedPlan for LookAhead<R> {
     }
 }
 
-/// Yu 2019: v_s = sqrt(v_e^2 + 2 a s), from the newest block backwards until nothing changes any more: speeds only rise
-/// when a block is added, and a block that keeps its speed keeps all before it.
+/// Yu 2019: v_s = sqrt(v_e^2 + 2 a s), from the newest block backwards until nothing
+/// changes any more: speeds only rise when a block is added, and a block that keeps its
+/// speed keeps all before it.
 fn reverse_pass<S: RingMemory, R: SpeedRule>(
     ring: &mut Ring<S>,
     rule: Option<&R>,
@@ -185,8 +188,8 @@ fn reverse_pass<S: RingMemory, R: SpeedRule>(
     }
 }
 
-/// Settles the entry speed of the oldest block in the ring, or of the one that comes next, if that is foreseen. Zero
-/// without such a block: the next one then starts from standstill.
+/// Settles the entry speed of the oldest block in the ring, or of the one that comes next, if that
+/// is foreseen. Zero without such a block: the next one then starts from standstill.
 fn settle_next<S: RingMemory>(ring: &mut Ring<S>, reachable: SquaredSpeed) -> Speed {
     for place in 0..ring.len() {
         if let Some(Content::Block(next)) = ring.at(place) {

@@ -1,9 +1,9 @@
-//! The two seams for other methods of motion: a *step pattern* says which motors step in which order along a block, a
-//! *time law* how the speed changes along it.
+//! The two seams for other methods of motion: a *step pattern* says which motors step in which
+//! order along a block, a *time law* how the speed changes along it.
 //!
-//! The planner itself knows one pattern, step Bresenham, and two laws, the trapezoid and the S-curve; this is all that a
-//! printer's image contains ([`Standard`]). The papers' other methods implement these traits in a crate of their own and
-//! reach the planner as its type parameter.
+//! The planner itself knows one pattern, step Bresenham, and two laws, the trapezoid and the
+//! S-curve; this is all that a printer's image contains ([`Standard`]). The papers' other methods
+//! implement these traits in a crate of their own and reach the planner as its type parameter.
 
 use core::fmt::{self, Debug};
 use core::marker::PhantomData;
@@ -49,8 +49,9 @@ pub struct DueEvent {
 
 /// Another order of the motors' steps than step Bresenham's.
 ///
-/// A pattern yields the events of the motors that it orders, in order of time. The planner merges them with the
-/// extruder's steps, and with Z's where the pattern leaves Z out: those follow the path evenly.
+/// A pattern yields the events of the motors that it orders, in order of time. The planner
+/// merges them with the extruder's steps, and with Z's where the pattern leaves Z out: those
+/// follow the path evenly.
 pub trait StepPattern<P>: Copy + Debug {
     /// Equal parts of a block's path of which each has at most one event of the motors.
     fn densest(&self, steps: [i32; 3]) -> u32;
@@ -85,10 +86,12 @@ pub trait SpeedRule: Copy + Debug + PartialEq {
     /// A block's nominal speed, held to what the rule can do.
     fn nominal(&self, block: &Block) -> Speed;
 
-    /// The fastest speed that a block can be left with when it is entered at `speed`, or entered with to be left at it.
+    /// The fastest speed that a block can be left with when it is entered at `speed`, or entered
+    /// with to be left at it.
     fn reach(&self, block: &Block, speed: Speed) -> Speed;
 
-    /// The slowest speed, at least `wanted`, that a block can be left with when it is entered at `speed`.
+    /// The slowest speed, at least `wanted`, that a block can be left with when it is
+    /// entered at `speed`.
     fn slowest(&self, block: &Block, speed: Speed, wanted: Speed) -> Speed;
 
     /// The law of a planned block.
@@ -121,8 +124,8 @@ pub trait MotionMethods: Copy + Debug {
     fn rule(choice: &MotionChoice) -> Result<Option<Self::Rule>, ChoiceError>;
 }
 
-/// No other methods: step Bresenham under trapezoids and S-curves. Z follows no bed, or what `B` says; the drives have no play, or it is
-/// taken up by `L`.
+/// No other methods: step Bresenham under trapezoids and S-curves. Z follows no bed, or what `B`
+/// says; the drives have no play, or it is taken up by `L`.
 pub struct Standard<B = NoBed, L = NoBacklash>(PhantomData<fn() -> (B, L)>);
 
 // Derived, they would ask for a bed that can be copied.

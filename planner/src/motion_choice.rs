@@ -1,5 +1,5 @@
-//! The names of the methods that a profile or M796 chooses, and their parameters: data, on which nothing branches but the
-//! methods themselves ([`crate::methods`]).
+//! The names of the methods that a profile or M796 chooses, and their parameters: data, on which
+//! nothing branches but the methods themselves ([`crate::methods`]).
 
 use crate::limits::Limits;
 use crate::pressure_advance::PressureAdvance;
@@ -46,7 +46,8 @@ pub enum AccelerationProfile {
     /// Constant acceleration (Wu 2024, eqs. 8 to 12).
     #[default]
     Trapezoid,
-    /// Acceleration that rises and falls at a constant jerk, and is held once it reaches its limit (after Li 2017).
+    /// Acceleration that rises and falls at a constant jerk, and is held once it reaches its limit
+    /// (after Li 2017).
     SCurve,
     /// S-curve that is never held, from Li's table of frequencies.
     SCurveTable,
@@ -69,7 +70,8 @@ impl AccelerationProfile {
     }
 }
 
-/// Shortest and longest pulse period of a motor under dual-rate interpolation (CoreXY paper: T_min and T_max), ns.
+/// Shortest and longest pulse period of a motor under dual-rate interpolation (CoreXY paper:
+/// T_min and T_max), ns.
 ///
 /// A motor that would have to be slower, against the other at its shortest, is in the dead zone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,7 +97,8 @@ impl SCurveTableSettings {
     /// Most slices of the table.
     pub const MAX_SLICES: u32 = 65_536;
 
-    /// Slices of 2/f0 in the ramp from f0 to the highest frequency (Li 2017, eq. 4), a last part included.
+    /// Slices of 2/f0 in the ramp from f0 to the highest frequency (Li 2017, eq. 4), a
+    /// last part included.
     pub fn slices(&self) -> f64 {
         let [start_hz, top_hz, jerk_hz_per_s2] = [self.start_hz, self.top_hz, self.jerk_hz_per_s2].map(f64::from);
         square_root((top_hz - start_hz) / jerk_hz_per_s2) * start_hz
@@ -119,16 +122,16 @@ pub struct MotionChoice {
     pub s_curve_table: SCurveTableSettings,
     /// Shapers of X and Y.
     pub shapers: [AxisShaper; 2],
-    /// Time over which X, Y, Z and the extruder are averaged after their shapers, s, within [`crate::SMOOTH_TIME_S`];
-    /// `None`: no averaging.
+    /// Time over which X, Y, Z and the extruder are averaged after their shapers, s, within
+    /// [`crate::SMOOTH_TIME_S`]; `None`: no averaging.
     pub smooth_time_s: Option<f64>,
-    /// Maximum distance of the filtered path from the programmed one, mm, within [`crate::PATH_TOLERANCE_MM`]; `None`:
-    /// the filters round corners freely.
+    /// Maximum distance of the filtered path from the programmed one, mm, within
+    /// [`crate::PATH_TOLERANCE_MM`]; `None`: the filters round corners freely.
     pub path_tolerance_mm: Option<f64>,
     /// Lead of the extruder over the flow.
     pub pressure_advance: PressureAdvance,
-    /// True to retract and push back filament along the travels between two lines, without a stop for it
-    /// ([`crate::Move`]s only).
+    /// True to retract and push back filament along the travels between two lines, without a stop
+    /// for it ([`crate::Move`]s only).
     pub filament_on_the_way: bool,
 }
 
@@ -139,8 +142,8 @@ impl MotionChoice {
             && matches!(self.acceleration, AccelerationProfile::Trapezoid | AccelerationProfile::SCurve)
     }
 
-    /// The acceleration of the filament that the extruder can follow with its advance, mm/s^2; `None` without one, and where the
-    /// filters cannot be made.
+    /// The acceleration of the filament that the extruder can follow with its advance, mm/s^2;
+    /// `None` without one, and where the filters cannot be made.
     pub fn followed_filament_acceleration_mm_per_s2(&self, limits: &Limits) -> Option<f64> {
         let shaping = Shaping::new(&self.shapers, self.smooth_time_s, &self.pressure_advance).ok()?;
         let advance = shaping.extruder_advance(&self.pressure_advance)?;
@@ -150,15 +153,17 @@ impl MotionChoice {
         Some(f64::from(acceleration))
     }
 
-    /// Acceleration that the tolerance allows where corners follow each other within the filters' reach, mm/s^2;
-    /// proportional to the tolerance. `None` without a tolerance or filters, and if the filters cannot be made.
+    /// Acceleration that the tolerance allows where corners follow each other within the filters'
+    /// reach, mm/s^2; proportional to the tolerance. `None` without a tolerance or filters, and if
+    /// the filters cannot be made.
     pub fn tolerance_acceleration_mm_per_s2(&self) -> Option<f64> {
         let shaping = Shaping::new(&self.shapers, self.smooth_time_s, &PressureAdvance::NONE).ok()?;
         let tolerance = PathTolerance::new(self.path_tolerance_mm?, &shaping)?;
         Some(f64::from(tolerance.crowded_mm_per_s2()))
     }
 
-    /// Step Bresenham and trapezoids; the other parameters as profiles have them that do not say otherwise.
+    /// Step Bresenham and trapezoids; the other parameters as profiles have them that do
+    /// not say otherwise.
     pub const DEFAULT: Self = Self {
         interpolation: Interpolation::StepBresenham,
         acceleration: AccelerationProfile::Trapezoid,

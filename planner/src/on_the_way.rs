@@ -1,13 +1,16 @@
-//! Filament moves on the way: a retraction spread over the first of the travels after it, a recovery over the last of the
-//! travels before it, instead of a stop for each.
+//! Filament moves on the way: a retraction spread over the first of the travels after it, a
+//! recovery over the last of the travels before it, instead of a stop for each.
 //!
-//! A *way* is the travels between two lines, a lift and a lowering among them, from rest to rest. It keeps the speeds that it has
-//! without filament. The filament moves as fast as it can along them: in proportion to the path where the path accelerates or brakes at its
-//! stops and corners, at the speed that its own line asks for elsewhere, and at the end of a retraction down to rest by steps of the
-//! speed that the extruder may make at once. Where one of these laws changes a *stage* ends: within a stage, filament is in
-//! proportion to path. A recovery is a retraction seen backwards.
+//! A *way* is the travels between two lines, a lift and a lowering among them, from rest to
+//! rest. It keeps the speeds that it has without filament. The filament moves as fast as it can
+//! along them: in proportion to the path where the path accelerates or brakes at its stops and
+//! corners, at the speed that its own line asks for elsewhere, and at the end of a retraction
+//! down to rest by steps of the speed that the extruder may make at once. Where one of these
+//! laws changes a *stage* ends: within a stage, filament is in proportion to path. A recovery is
+//! a retraction seen backwards.
 //!
-//! A way that is too short for the filament is slowed down as a whole, if that takes less time than a stop.
+//! A way that is too short for the filament is slowed down as a whole, if that takes less
+//! time than a stop.
 
 mod course;
 
@@ -17,28 +20,31 @@ use crate::square_root::square_root_f32;
 use course::{Course, Phase};
 pub(crate) use course::{Leg, Way, join};
 
-/// The shortest travel that filament moves along with, units of 10 nm: what is shorter has no parts worth the name.
+/// The shortest travel that filament moves along with, units of 10 nm: what is shorter has no
+/// parts worth the name.
 pub(crate) const LEAST_TRAVEL_10NM: u32 = 5_000;
 
-/// The most travels of a way: two lifts, for a layer's end has one more, two travels and a lowering.
+/// The most travels of a way: two lifts, for a layer's end has one more, two
+/// travels and a lowering.
 pub(crate) const MOST_LEGS: usize = 5;
 
-/// Largest change of the extruder's speed at once, mm/s, if the limits set none: the usual "jerk" of the extruder in
-/// other firmware, which motors take from standstill.
+/// Largest change of the extruder's speed at once, mm/s, if the limits set none: the usual "jerk"
+/// of the extruder in other firmware, which motors take from standstill.
 pub(crate) const EXTRUDER_JUMP_MM_PER_S: f32 = 5.0;
 
 /// Share of the speed of fast filament for the same: more stages would be more blocks.
 const LARGEST_JUMP: f32 = 0.2;
 
-/// No stage is planned shorter, s: stages are pieces of the plan, and filters see a limited number of them.
+/// No stage is planned shorter, s: stages are pieces of the plan, and filters see a
+/// limited number of them.
 const LEAST_STAGE_S: f32 = 0.003;
 
-/// Factor by which the path's speed grows in a stage in which the filament's speed is constant: from stage to stage the
-/// extruder's speed changes by a fifth, [`LARGEST_JUMP`].
+/// Factor by which the path's speed grows in a stage in which the filament's speed is constant:
+/// from stage to stage the extruder's speed changes by a fifth, [`LARGEST_JUMP`].
 const GROWTH: f32 = 1.25;
 
-/// A stage by which the filament's speed rises or falls takes this share of the extruder's largest jump, since the
-/// path's speed changes within the stages as well.
+/// A stage by which the filament's speed rises or falls takes this share of the extruder's largest
+/// jump, since the path's speed changes within the stages as well.
 const STEP: f32 = 0.75;
 
 /// The most stages of a filament move.
@@ -61,7 +67,8 @@ pub(crate) fn stage_jump_mm_per_s(feed_mm_per_s: f32) -> f32 {
     larger(EXTRUDER_JUMP_MM_PER_S, LARGEST_JUMP * feed_mm_per_s)
 }
 
-/// Time within a leg in which filament moves: no faster than a ramp from its start, and a ramp to its end.
+/// Time within a leg in which filament moves: no faster than a ramp from its start, and a
+/// ramp to its end.
 #[derive(Clone, Copy, Debug)]
 struct Window {
     /// Time before the leg's start at which the ramp up starts, s.
@@ -75,7 +82,8 @@ struct Window {
     is_end_cut: bool,
 }
 
-/// Filament that is drawn back along the start of a way, or pushed along its end and seen backwards.
+/// Filament that is drawn back along the start of a way, or pushed along its end
+/// and seen backwards.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FilamentLaw {
     /// Filament to move, mm, above zero.
@@ -83,7 +91,8 @@ pub(crate) struct FilamentLaw {
     /// The highest speed and acceleration, mm/s, mm/s^2.
     pub feed_mm_per_s: f32,
     pub acceleration_mm_per_s2: f32,
-    /// No stage may have less acceleration of the path than its leg: an S-curve takes the least of several blocks for all of them.
+    /// No stage may have less acceleration of the path than its leg: an S-curve takes the least of
+    /// several blocks for all of them.
     pub keeps_acceleration: bool,
 }
 
@@ -114,7 +123,8 @@ pub(crate) struct Ride {
     share: f32,
     /// Number of stages.
     pub stages: u8,
-    /// The leg of the last one, counted from where the filament's law begins, whether it ends where the leg does, and where in it, mm.
+    /// The leg of the last one, counted from where the filament's law begins, whether it ends where
+    /// the leg does, and where in it, mm.
     pub leg: u8,
     pub ends_leg: bool,
     pub end_mm: f32,
@@ -138,7 +148,8 @@ impl FilamentLaw {
         STEP * stage_jump_mm_per_s(self.feed_mm_per_s) / self.ramp_mm_per_s2()
     }
 
-    /// The stage that follows another one, of a law that ends after so long; `None` after the last one.
+    /// The stage that follows another one, of a law that ends after so long; `None`
+    /// after the last one.
     fn next_stage(&self, way: &Way<'_>, before: Option<&Stage>, law_end_s: f32) -> Option<Stage> {
         let (leg, leg_begin_s, begin_s) = match before {
             None => (0, 0.0, 0.0),
@@ -285,7 +296,8 @@ impl FilamentLaw {
         Ok(Ride { share: self.filament_mm / moves_mm, ..ride })
     }
 
-    /// Stage `number`, counted from 1, of a ride along a way, and the filament that moves along it, mm; `None` after the last one.
+    /// Stage `number`, counted from 1, of a ride along a way, and the filament that moves along it,
+    /// mm; `None` after the last one.
     pub fn stage(&self, way: &Way<'_>, ride: &Ride, number: u8) -> Option<(Stage, f32)> {
         let mut stage = None;
         for _ in 0..number {

@@ -1,11 +1,13 @@
 //! Moves that continue each other share one block.
 //!
-//! Slicers cut curves, and at times straight lines, into moves of a few hundredths of a mm. Were each to take a place of
-//! the look-ahead ring, the ring would see only millimetres ahead, and the machine could only be as fast as it can stop
-//! within those. So the newest block stays open, outside the ring, until the next move is there, and takes it in if the
-//! corner between them limits nothing and both want the same speed and acceleration. One that is too long for that enters at once. Look-ahead and time law then see one
-//! path; the steps are made move by move ([`crate::inner_ends`]), so every motor ends every move exactly where it ends
-//! without the sharing.
+//! Slicers cut curves, and at times straight lines, into moves of a few hundredths of a mm.
+//! Were each to take a place of the look-ahead ring, the ring would see only millimetres
+//! ahead, and the machine could only be as fast as it can stop within those. So the newest
+//! block stays open, outside the ring, until the next move is there, and takes it in if the
+//! corner between them limits nothing and both want the same speed and acceleration. One that
+//! is too long for that enters at once. Look-ahead and time law then see one path; the steps
+//! are made move by move ([`crate::inner_ends`]), so every motor ends every move exactly where
+//! it ends without the sharing.
 
 use crate::block::{Acceleration, Block, Speed};
 use crate::budget::Budget;
@@ -90,8 +92,8 @@ impl OpenBlock {
         self.is_end_known = false;
     }
 
-    /// Acceleration of the open block before the corner at its end limits it; without an open block that of the last
-    /// one.
+    /// Acceleration of the open block before the corner at its end limits it; without an open block
+    /// that of the last one.
     pub fn acceleration_before_end(&self) -> Acceleration {
         if self.is_some() { self.acceleration_before_end } else { self.block.acceleration }
     }
@@ -144,16 +146,17 @@ impl OpenBlock {
         self.moves = 0;
     }
 
-    /// Takes the next move in, where that changes neither speeds nor steps: same nominal speed and acceleration, and a
-    /// corner that limits neither. Moves of the filament alone have a stop beside them.
+    /// Takes the next move in, where that changes neither speeds nor steps: same nominal speed
+    /// and acceleration, and a corner that limits neither. Moves of the filament alone have a
+    /// stop beside them.
     pub fn absorb(&mut self, next: &Planned) -> bool {
         let nominal_now = next.nominal;
         let most = self.last_extruder_256ths.unsigned_abs().max(next.extruder_256ths.unsigned_abs());
         self.continues(next) && most <= MAX_EXTRUDER_256THS && self.join(next, nominal_now)
     }
 
-    /// Version of [`Self::absorb`] for a move whose plan says that it continues the block. Its filament may have
-    /// changed since.
+    /// Version of [`Self::absorb`] for a move whose plan says that it continues the block. Its
+    /// filament may have changed since.
     pub fn absorb_prepared(&mut self, next: &Planned, nominal_now: Speed) -> bool {
         self.continues(next) && self.join(next, nominal_now)
     }
@@ -168,7 +171,8 @@ impl OpenBlock {
             && next.corner >= self.block.nominal
     }
 
-    /// Makes the next move a part of the block; `false`, and nothing has changed, if it does not fit.
+    /// Makes the next move a part of the block; `false`, and nothing has changed, if
+    /// it does not fit.
     fn join(&mut self, next: &Planned, nominal_now: Speed) -> bool {
         let block = &mut self.block;
         let end = InnerEnd {

@@ -6,7 +6,8 @@ use crate::block::Speed;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Pace(u16);
 
-/// No block is slowed below this, 0.01 mm/s in units of [`Speed`], the slowest feed that is planned.
+/// No block is slowed below this, 0.01 mm/s in units of [`Speed`], the slowest feed
+/// that is planned.
 const SLOWEST: Speed = Speed(656);
 
 impl Pace {

@@ -1,5 +1,5 @@
-//! Parts shared by the stages between the planner and the step queue: entries that wait for a stage, and entries that
-//! it hands on.
+//! Parts shared by the stages between the planner and the step queue: entries that wait for a
+//! stage, and entries that it hands on.
 
 use crate::event_buffer::{EventBuffer, MAX_ENTRIES};
 use crate::step_queue::{Notice, StepEntry};
@@ -7,10 +7,12 @@ use crate::step_queue::{Notice, StepEntry};
 /// Entries handed on together: few, since they are on the caller's stack.
 const AT_ONCE: usize = 16;
 
-/// The most entries that one event needs: a change of direction before it, and a step in the middle of its interval.
+/// The most entries that one event needs: a change of direction before it, and a step in the middle
+/// of its interval.
 const MAX_FOR_EVENT: usize = 3;
 
-/// Notices that follow the waiting entries: the ends of a move and of a block, of one call of the planner.
+/// Notices that follow the waiting entries: the ends of a move and of a block, of one
+/// call of the planner.
 const NOTICES: usize = 4;
 
 /// A few entries that leave a stage.
@@ -43,14 +45,15 @@ pub(crate) trait Stage {
     /// Entries and notices that wait for the stage.
     fn waiting(&mut self) -> &mut Waiting;
 
-    /// Adds an entry to `out`, or the first events of it, with its own steps, and passes what is done.
+    /// Adds an entry to `out`, or the first events of it, with its own steps, and
+    /// passes what is done.
     fn pass(&mut self, entry: StepEntry, out: &mut PassedEntries);
 
     /// Steps of X, Y and Z (A, B, Z) that it has added: the planner does not know of them.
     fn added_steps(&self) -> [i32; 3];
 
-    /// Passes on the next waiting item: writes entries to `out`, which must be empty, or returns the notice that
-    /// follows them.
+    /// Passes on the next waiting item: writes entries to `out`, which must be empty, or returns
+    /// the notice that follows them.
     fn pass_on(&mut self, out: &mut PassedEntries) -> Option<Notice> {
         while let Some(entry) = self.waiting().entry() {
             if !out.has_room() {
@@ -70,7 +73,8 @@ pub(crate) trait Stage {
     }
 }
 
-/// Entries that wait for a stage, and notices that follow them: at most the output of one call of the planner.
+/// Entries that wait for a stage, and notices that follow them: at most the output of one
+/// call of the planner.
 #[derive(Debug)]
 pub(crate) struct Waiting {
     entries: EventBuffer<MAX_ENTRIES>,

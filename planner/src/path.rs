@@ -1,7 +1,7 @@
 //! The straight path of a move, and its length.
 //!
-//! Lengths and angles are in single precision: of 84 mm 10 nm are known then, and of an angle 0.3 microradians, at which a
-//! corner allows more than any feed.
+//! Lengths and angles are in single precision: of 84 mm 10 nm are known then, and of an angle 0.3
+//! microradians, at which a corner allows more than any feed.
 
 use crate::square_root::square_root_f32;
 
@@ -20,7 +20,8 @@ impl Path {
     /// No path.
     pub const NONE: Self = Self { vector: [0.0; 3], length: 0.0, filament: 0.0 };
 
-    /// The path along a vector whose components are at most twice [`crate::kinematics::MAX_COORDINATE_10NM`] either way.
+    /// The path along a vector whose components are at most twice
+    /// [`crate::kinematics::MAX_COORDINATE_10NM`] either way.
     #[inline(always)]
     pub fn along(vector_10nm: [i32; 3]) -> Self {
         let vector = vector_10nm.map(|component| component as f32);
@@ -36,8 +37,8 @@ impl Path {
         Self { vector: self.vector.map(|component| component * factor), length, filament: self.filament * factor }
     }
 
-    /// Differences between the speeds of X, Y, Z and the filament on two paths that have a length, for a unit of speed
-    /// along them.
+    /// Differences between the speeds of X, Y, Z and the filament on two paths that have a length,
+    /// for a unit of speed along them.
     #[inline(always)]
     pub fn jumps(before: &Self, after: &Self) -> [f32; 4] {
         let ([ax, ay, az], [bx, by, bz]) = (before.vector, after.vector);

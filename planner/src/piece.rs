@@ -1,14 +1,15 @@
 //! Pieces: the parts of a block's time in which the jerk is constant.
 //!
-//! A piece is the value at the seam between a time law, which yields pieces in their order, and a stepper, which solves
-//! them for the times of one motor's steps. A filter takes pieces and yields pieces.
+//! A piece is the value at the seam between a time law, which yields pieces in their order,
+//! and a stepper, which solves them for the times of one motor's steps. A filter takes pieces
+//! and yields pieces.
 
 use crate::cubic::Cubic;
 use crate::real::Real;
 use crate::time_units::ramp_time;
 
-/// The end of a piece that its figures belong to: the one where rounding would hurt most, which is the slow one of a
-/// ramp, and of half an S-curve's ramp the one without acceleration.
+/// The end of a piece that its figures belong to: the one where rounding would hurt most, which is
+/// the slow one of a ramp, and of half an S-curve's ramp the one without acceleration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
     /// The start. Positions count from the block's start, and time runs forwards.
@@ -54,7 +55,8 @@ pub enum PieceEnd<F> {
     Last,
 }
 
-/// A part of a block's time in which the jerk is constant. Lengths are in units of 10 nm, times in units of 2^-16 tick.
+/// A part of a block's time in which the jerk is constant. Lengths are in units of 10 nm, times in
+/// units of 2^-16 tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Piece<F> {
     /// End that the other figures belong to.
@@ -69,7 +71,8 @@ pub struct Piece<F> {
     pub end: PieceEnd<F>,
 }
 
-/// A place on a path, from both ends. Neither is worked out from the other: near a standstill, 10 nm take long.
+/// A place on a path, from both ends. Neither is worked out from the other: near a standstill,
+/// 10 nm take long.
 #[derive(Clone, Copy, Debug)]
 pub struct Place<F> {
     /// Path from the start, 10 nm.
@@ -103,13 +106,15 @@ impl<F: Real> Motion<F> {
 }
 
 impl<F> Piece<F> {
-    /// A piece whose figures belong to its start, which is `position` from the block's start and passed at `time`.
+    /// A piece whose figures belong to its start, which is `position` from the block's start and
+    /// passed at `time`.
     #[inline(always)]
     pub const fn leaving(position: F, time: F, motion: Motion<F>, end: PieceEnd<F>) -> Self {
         Self { anchor: Anchor::Start, time, position, motion, end }
     }
 
-    /// A piece whose figures belong to its end, from which it is `position` to the block's end, passed at `time`.
+    /// A piece whose figures belong to its end, from which it is `position` to the block's end,
+    /// passed at `time`.
     #[inline(always)]
     pub const fn arriving(position: F, time: F, motion: Motion<F>, end: PieceEnd<F>) -> Self {
         Self { anchor: Anchor::End, time, position, motion, end }

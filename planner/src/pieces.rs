@@ -20,7 +20,8 @@ pub struct OtherLaw<P> {
     pub duration_ticks: u64,
 }
 
-/// A method that does not exist. It has no value, so the compiler leaves out all that would act on one.
+/// A method that does not exist. It has no value, so the compiler leaves out all that
+/// would act on one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Never {}
 

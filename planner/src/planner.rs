@@ -52,8 +52,9 @@ pub struct Planner<S, M: MotionMethods = Standard> {
     /// Position at the end of the last move taken.
     position: Position,
     previous: Previous,
-    /// The newest block, which the next move may continue. It enters the ring when that is known, never sooner than the
-    /// ring has room, so that a full ring holds the same blocks however late the next move comes.
+    /// The newest block, which the next move may continue. It enters the ring when that is known,
+    /// never sooner than the ring has room, so that a full ring holds the same blocks however late
+    /// the next move comes.
     open: OpenBlock,
     /// Moves that are taken and not planned, since filament may move on their way.
     held: Option<Held>,
@@ -70,7 +71,8 @@ pub struct Planner<S, M: MotionMethods = Standard> {
     shaping: Shaping,
     /// The moves to come are not shaped: a sensor ends them.
     is_unshaped: bool,
-    /// Blocks were passed over without being executed, and not the time that the motors take to rest after them.
+    /// Blocks were passed over without being executed, and not the time that the motors take to
+    /// rest after them.
     owes_rest: bool,
     /// Speed at the end of the last block that left look-ahead, and where the motors are there.
     exit: Speed,
@@ -117,8 +119,9 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.rules.set_limits(limits);
     }
 
-    /// Holds the blocks that leave look-ahead from now on to a share of their nominal speeds, within what acceleration
-    /// allows. For a machine that cannot keep up; [`Pace::FULL`] at first, and then nothing is changed.
+    /// Holds the blocks that leave look-ahead from now on to a share of their nominal speeds,
+    /// within what acceleration allows. For a machine that cannot keep up; [`Pace::FULL`] at first,
+    /// and then nothing is changed.
     pub fn set_pace(&mut self, pace: Pace) {
         self.pace = pace;
     }
@@ -143,8 +146,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.tallies.motion_ticks
     }
 
-    /// Duration of all blocks begun so far at their nominal speeds, in ticks, without pace and ramps: the processor
-    /// time that planning may take and still keep up at full speed.
+    /// Duration of all blocks begun so far at their nominal speeds, in ticks, without pace and
+    /// ramps: the processor time that planning may take and still keep up at full speed.
     pub fn nominal_ticks(&self) -> u64 {
         self.tallies.nominal_ticks
     }
@@ -164,8 +167,9 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.tallies.slowed_moves
     }
 
-    /// True if a move or fan change would be taken now. Conservative: after a `false` some are still taken. A move can
-    /// also be refused after a `true`, if held moves have to enter the ring first.
+    /// True if a move or fan change would be taken now. Conservative: after a `false` some
+    /// are still taken. A move can also be refused after a `true`, if held moves have to
+    /// enter the ring first.
     pub fn has_room(&self) -> bool {
         self.queue.has_room() && (!self.queue.is_switching || self.is_look_ahead_empty())
     }
@@ -185,15 +189,15 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.interpolator.is_busy() || !self.shaped.is_at_rest() || self.exit > Speed::ZERO
     }
 
-    /// True if moves may share a block. Another pattern may decide from the start of a block, and another law count the
-    /// steps of a whole one.
+    /// True if moves may share a block. Another pattern may decide from the start of a block, and
+    /// another law count the steps of a whole one.
     #[inline]
     fn shares_blocks(&self) -> bool {
         self.rules.pattern.is_none() && self.rule.is_none()
     }
 
-    /// Advances the position by a move; `whole_10nm`: the length of the travel that it is a part of, 0 if it is not
-    /// part of one.
+    /// Advances the position by a move; `whole_10nm`: the length of the travel that it is a part
+    /// of, 0 if it is not part of one.
     #[inline(always)]
     fn advance_position(&mut self, target: &Target, planned: &Planned, whole_10nm: f32) {
         let Planned { path, corner_acceleration, line, ends_move, is_forgotten, .. } = *planned;
@@ -202,7 +206,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.position.advance(target);
     }
 
-    /// Moves what is held and the open block into the ring, then does a flush that waited for it; `false` without room.
+    /// Moves what is held and the open block into the ring, then does a flush that waited for it;
+    /// `false` without room.
     #[inline(never)]
     fn close_open_block(&mut self) -> bool {
         if !(self.plan_held() && self.push_open_block()) {
@@ -251,7 +256,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     /// Lets motion end with the last move taken; everything in the look-ahead ring may leave.
     pub fn flush(&mut self) {
         self.flushing = true;
-        // Now, not when there is room for it: the move before is not known any more then. What is held is planned before any other move is.
+        // Now, not when there is room for it: the move before is not known any more then. What is
+        // held is planned before any other move is.
         if self.held.is_none() {
             self.keep_tolerance_before_any();
             self.close_open_block();
@@ -269,7 +275,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.previous.acceleration = CornerAcceleration::ZERO;
     }
 
-    /// Lets the oldest block leave with its present speeds, because the step queue runs low and no input is at hand.
+    /// Lets the oldest block leave with its present speeds, because the step queue runs low and no
+    /// input is at hand.
     pub fn release(&mut self) {
         if !self.is_look_ahead_empty() && !self.queue.can_leave() {
             self.close_open_block();
@@ -278,9 +285,9 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         }
     }
 
-    /// Time for which the machine can continue at full speed whatever moves follow: the blocks in the ring whose speeds
-    /// are final, and the rest of the block that is being interpolated. In ticks after `tick`, at which the entries
-    /// handed out so far end.
+    /// Time for which the machine can continue at full speed whatever moves follow: the blocks in
+    /// the ring whose speeds are final, and the rest of the block that is being interpolated. In
+    /// ticks after `tick`, at which the entries handed out so far end.
     pub fn certain_ticks(&mut self, tick: u64) -> u64 {
         let rest = if self.shaped.is_busy() {
             self.shaped.end_tick().saturating_sub(tick)
@@ -299,16 +306,16 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.queue.final_ticks().saturating_add(rest)
     }
 
-    /// Time for which the machine continues after [`Self::certain_ticks`] if no more moves come, without its braking,
-    /// ticks: the first block whose speeds are not final, at its nominal speed. Those after it only brake, which takes
-    /// no longer than from its speed to standstill.
+    /// Time for which the machine continues after [`Self::certain_ticks`] if no more moves come,
+    /// without its braking, ticks: the first block whose speeds are not final, at its nominal
+    /// speed. Those after it only brake, which takes no longer than from its speed to standstill.
     pub fn unsettled_ticks(&self) -> u64 {
         let block = self.queue.first_not_final().or(self.open.block());
         block.map_or(0, |block| block.nominal.ticks_for(block.length_10nm))
     }
 
-    /// Lets the blocks leave look-ahead whose speeds no later block can change; returns whether there are any. The plan does
-    /// not depend on whether, and when, that is done.
+    /// Lets the blocks leave look-ahead whose speeds no later block can change; returns whether
+    /// there are any. The plan does not depend on whether, and when, that is done.
     pub fn release_final(&mut self) -> bool {
         let is_final = self.queue.is_first_final();
         if is_final {
@@ -317,9 +324,9 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         is_final
     }
 
-    /// Forgets all motion that has not happened: the motors are at these steps (X, Y, Z, extruder), at this tick of the
-    /// motion clock, with these direction signals. The position becomes the nearest to theirs. Returns the filament
-    /// that has been taken and not pushed, units of 0.1 nm.
+    /// Forgets all motion that has not happened: the motors are at these steps (X, Y, Z, extruder),
+    /// at this tick of the motion clock, with these direction signals. The position becomes the
+    /// nearest to theirs. Returns the filament that has been taken and not pushed, units of 0.1 nm.
     pub fn reset_to(&mut self, motor_steps: [i64; 4], tick: u64, directions: u8) -> i64 {
         // Every field is named: a new one has to say here what remains of it after a stop.
         let Self {
@@ -369,7 +376,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     }
 }
 
-/// Filament in units of 0.1 nm for a length in units of 10 nm at a flow in percent: the exact product.
+/// Filament in units of 0.1 nm for a length in units of 10 nm at a flow in percent:
+/// the exact product.
 pub const fn filament_100pm(length_10nm: i64, flow_percent: i64) -> i64 {
     // 10 nm are 100 units, a percent is a hundredth.
     const _: () = assert!(FILAMENT_UNITS_PER_MM == 100 * UNITS_PER_MM);

@@ -1,15 +1,18 @@
-//! Pressure advance: the extruder runs ahead of the flow, by the filament that the nozzle's pressure takes.
+//! Pressure advance: the extruder runs ahead of the flow, by the filament that the
+//! nozzle's pressure takes.
 //!
-//! A nozzle lets out filament in proportion to its pressure, and the pressure grows with the filament that is compressed before
-//! it. So that the flow follows a plan e(t), the extruder has to push e + K e' (a first-order lag, taken back). Where the line
-//! leaves a corner that is K a more speed at once, and where the flow changes it is filament at once; so the advance K e' is
-//! averaged over a time B: (1/B) times the filament that went K-fold into the line from B/2 before to B/2 after. In the filters
-//! of [`crate::shaping`] these are two more delays.
+//! A nozzle lets out filament in proportion to its pressure, and the pressure grows with the
+//! filament that is compressed before it. So that the flow follows a plan e(t), the extruder has to
+//! push e + K e' (a first-order lag, taken back). Where the line leaves a corner that is K a more
+//! speed at once, and where the flow changes it is filament at once; so the advance K e' is
+//! averaged over a time B: (1/B) times the filament that went K-fold into the line from B/2 before
+//! to B/2 after. In the filters of [`crate::shaping`] these are two more delays.
 
 use crate::kinematics::UNITS_PER_MM;
 use crate::time_units::TICKS_PER_SECOND;
 
-/// The most filament that a line of plastic takes for its length. A move that pushes more fills the nozzle, and has no advance.
+/// The most filament that a line of plastic takes for its length. A move that pushes more fills the
+/// nozzle, and has no advance.
 pub(crate) const MOST_FILAMENT_IN_LINE: f32 = 0.5;
 
 /// Lead of the extruder over the flow.
@@ -19,7 +22,8 @@ pub struct PressureAdvance {
     pub seconds: f64,
     /// Another K for the filament's speed above a limit.
     pub above: Option<SecondSlope>,
-    /// Time over which the lead is averaged, s; `None`: nearly as long as the filters of X and Y spread the motion.
+    /// Time over which the lead is averaged, s; `None`: nearly as long as the filters of X and Y
+    /// spread the motion.
     pub smooth_time_s: Option<f64>,
 }
 
@@ -102,7 +106,8 @@ pub(crate) struct AdvanceLaw {
     most_256ths_per_10nm: f32,
 }
 
-/// The advance while a piece of the plan lasts: a slope in ticks times the filament's speed, and a constant, 2^-20 steps.
+/// The advance while a piece of the plan lasts: a slope in ticks times the filament's speed, and a
+/// constant, 2^-20 steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct AdvanceSlope {
     pub ticks: u32,
@@ -131,14 +136,15 @@ impl AdvanceLaw {
             return one_slope;
         }
         let knee = above.filament_mm_per_s * steps_per_mm * 256.0 / f64::from(TICKS_PER_SECOND);
-        // The knee is where the constant that is left after rounding makes the advance continuous. At most 2048 steps: no nozzle
-        // takes millimetres of filament.
+        // The knee is where the constant that is left after rounding makes the advance continuous.
+        // At most 2048 steps: no nozzle takes millimetres of filament.
         let apart = (f64::from(slow) - f64::from(fast)) * PER_256TH;
         let rest = (apart * knee + if fast < slow { 0.5 } else { -0.5 }) as i32;
         Self { fast, knee: f64::from(rest) / apart, rest, ..one_slope }
     }
 
-    /// True if the extruder runs ahead in a stretch of this length, units of 10 nm: it pushes filament into a line.
+    /// True if the extruder runs ahead in a stretch of this length, units of 10 nm: it pushes
+    /// filament into a line.
     pub fn advances(&self, extruder_256ths: i32, length_10nm: u32) -> bool {
         extruder_256ths > 0
             && self.slow | self.fast > 0

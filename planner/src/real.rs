@@ -1,14 +1,16 @@
 //! The arithmetic of a block in either precision (R5).
 //!
-//! The board's processor has f32 in hardware (an instruction each) and f64 in software (60 to 600 instructions each).
-//! What is computed once a block is therefore written once, for both: f32 where the block is short enough for it to be
-//! exact enough, f64 for long ones, whose many steps share the cost.
+//! The board's processor has f32 in hardware (an instruction each) and f64 in software (60 to
+//! 600 instructions each). What is computed once a block is therefore written once, for both:
+//! f32 where the block is short enough for it to be exact enough, f64 for long ones, whose many
+//! steps share the cost.
 
 use core::ops::{Add, Div, Mul, Sub};
 
 use crate::square_root::{square_root, square_root_f32};
 
-/// A floating-point type: + - * /, the square root, and conversions. All are correctly rounded on every target.
+/// A floating-point type: + - * /, the square root, and conversions. All are correctly rounded
+/// on every target.
 pub trait Real:
     Copy + PartialOrd + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {

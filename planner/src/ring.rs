@@ -13,9 +13,11 @@ pub(crate) struct Waiting {
     pub entry: SquaredSpeed,
     /// The block before it has left with this speed.
     pub settled: bool,
-    /// Bound of the entry speed under an S-curve, which has no squares: several very slow speeds have one square.
+    /// Bound of the entry speed under an S-curve, which has no squares: several very slow speeds
+    /// have one square.
     pub bound_speed: Speed,
-    /// Entry speed under an S-curve. With given speeds: the root of `entry`, or zero before it has been worked out.
+    /// Entry speed under an S-curve. With given speeds: the root of `entry`, or zero before it has
+    /// been worked out.
     pub entry_speed: Speed,
     /// Places from here to the corner at the end of one ramp, under an S-curve.
     pub anchor: u8,
@@ -72,8 +74,8 @@ pub trait RingMemory: AsRef<[Slot]> + AsMut<[Slot]> {}
 
 impl<S: AsRef<[Slot]> + AsMut<[Slot]>> RingMemory for S {}
 
-/// Blocks and markers in their order. A block leaves when the ring is full, on a flush, or when [`Self::release`] or
-/// [`Self::release_final`] lets it.
+/// Blocks and markers in their order. A block leaves when the ring is full, on a flush, or when
+/// [`Self::release`] or [`Self::release_final`] lets it.
 #[derive(Debug)]
 pub struct Ring<S> {
     slots: S,
@@ -88,7 +90,8 @@ pub struct Ring<S> {
     /// Number of the final places whose time is in `timed_ticks`.
     timed_places: usize,
     timed_ticks: u64,
-    /// Squared entry speed of the block that comes next, where it is known before the block has come.
+    /// Squared entry speed of the block that comes next, where it is known before
+    /// the block has come.
     pub(crate) next_entry: Option<SquaredSpeed>,
     /// The next block starts from standstill.
     pub(crate) stopped: bool,
@@ -143,7 +146,8 @@ impl<S: RingMemory> Ring<S> {
         self.push_with(|content| *content = Content::Block(waiting));
     }
 
-    /// Adds a block to a ring that has room; `fill` writes it into its place, which still holds what was there before.
+    /// Adds a block to a ring that has room; `fill` writes it into its place, which still holds
+    /// what was there before.
     #[inline(always)]
     pub(crate) fn push_with(&mut self, fill: impl FnOnce(&mut Content)) {
         if let Some(content) = self.at(self.length) {
@@ -164,8 +168,8 @@ impl<S: RingMemory> Ring<S> {
         has_room
     }
 
-    /// Content of a place, counted from the oldest; for the place after the newest in a ring that has room, its
-    /// previous content.
+    /// Content of a place, counted from the oldest; for the place after the newest in a ring that
+    /// has room, its previous content.
     #[inline(always)]
     pub(crate) fn at(&mut self, place: usize) -> Option<&mut Content> {
         let slots = self.slots.as_mut();
@@ -248,7 +252,8 @@ impl<S: RingMemory> Ring<S> {
         self.timed_places = self.timed_places.saturating_sub(1);
     }
 
-    /// Marks the speeds of all blocks before this place as final, as its block begins as fast as it ever may.
+    /// Marks the speeds of all blocks before this place as final, as its block begins as
+    /// fast as it ever may.
     #[inline(always)]
     pub(crate) fn set_final_before(&mut self, place: usize) {
         self.final_places = self.final_places.max(place);

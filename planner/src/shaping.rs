@@ -1,12 +1,15 @@
-//! Input shaping: every axis follows the plan through its own filter, which leaves the frame at rest.
+//! Input shaping: every axis follows the plan through its own filter, which leaves
+//! the frame at rest.
 //!
-//! A shaper ([`AxisShaper`]) gives a [`Kernel`]: weights and delays. The shaped position of an axis is the weighted sum of its
-//! planned positions at those delays (Singer and Seering 1990).
+//! A shaper ([`AxisShaper`]) gives a [`Kernel`]: weights and delays. The shaped position of an axis
+//! is the weighted sum of its planned positions at those delays (Singer and Seering 1990).
 //!
-//! The extruder's filter spreads the flow as the shapers and the frame together spread the path, so that the filament comes where
-//! the nozzle is; its advance ([`crate::PressureAdvance`]) is the mean between two delays.
+//! The extruder's filter spreads the flow as the shapers and the frame together spread the path, so
+//! that the filament comes where the nozzle is; its advance ([`crate::PressureAdvance`]) is the
+//! mean between two delays.
 //!
-//! A moving average over some ms may follow in the filters of X, Y, Z and the extruder: it makes the acceleration change gradually.
+//! A moving average over some ms may follow in the filters of X, Y, Z and the extruder: it makes
+//! the acceleration change gradually.
 
 mod even_spacing;
 mod fixed;

@@ -32,8 +32,8 @@ pub(crate) struct Span<F> {
     length: F,
     /// Reciprocal of the length.
     per_length: F,
-    /// Path from its end to the block's. Not a difference of long lengths: where the block ends at standstill, a hair of
-    /// path takes long.
+    /// Path from its end to the block's. Not a difference of long lengths: where the block ends at
+    /// standstill, a hair of path takes long.
     after: F,
 }
 

@@ -1,4 +1,5 @@
-//! Sources of the speeds of the blocks in the look-ahead ring, and how blocks come to it and leave it.
+//! Sources of the speeds of the blocks in the look-ahead ring, and how blocks come to
+//! it and leave it.
 
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
 use crate::motion_choice::AccelerationProfile;
@@ -14,7 +15,8 @@ use crate::time_law::TimeLaw;
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EntrySpeed {
-    /// The move continues the block before it: the corner between them limits nothing, and both share one block.
+    /// The move continues the block before it: the corner between them limits nothing, and both
+    /// share one block.
     Continues,
     /// The most that the corner before it and both nominal speeds allow.
     Bound,
@@ -58,7 +60,8 @@ pub struct BlockStart {
     pub corner: Speed,
     /// Source of its entry speed; look-ahead finds it by itself.
     pub entry: EntrySpeed,
-    /// The nominal speed that it was planned with. The block's own differs where the feed was changed since.
+    /// The nominal speed that it was planned with. The block's own differs where the feed
+    /// was changed since.
     pub nominal: Speed,
 }
 
@@ -98,7 +101,8 @@ pub enum Released {
     Marker(Marker),
 }
 
-/// Gives the blocks in a ring their speeds: [`crate::look_ahead::LookAhead`] plans them, [`crate::given_speeds::GivenSpeeds`] takes those of a prepared job.
+/// Gives the blocks in a ring their speeds: [`crate::look_ahead::LookAhead`] plans them,
+/// [`crate::given_speeds::GivenSpeeds`] takes those of a prepared job.
 pub trait SpeedPlan {
     /// Adds a block to a ring that has room.
     ///
@@ -106,8 +110,8 @@ pub trait SpeedPlan {
     /// The block's given speed cannot be followed. Nothing has changed then.
     fn push<S: RingMemory>(&mut self, ring: &mut Ring<S>, block: &Block, start: &BlockStart) -> Result<(), PlanFault>;
 
-    /// Takes the oldest block or marker, which may leave. A block is held to the pace, as far as it can slow down to it on
-    /// its own length.
+    /// Takes the oldest block or marker, which may leave. A block is held to the pace, as far as it
+    /// can slow down to it on its own length.
     fn pop<S: RingMemory>(&mut self, ring: &mut Ring<S>, pace: Pace) -> Option<Released>;
 
     /// Takes note that the ring was emptied: the next block starts from standstill.

@@ -1,7 +1,7 @@
 //! The square root of f32 and f64, correctly rounded on every target.
 //!
-//! `core` has no stable one. f32 has its own crate with the processor's instruction; f64 is libm's exact algorithm, so
-//! that both give the same bits everywhere.
+//! `core` has no stable one. f32 has its own crate with the processor's instruction; f64 is libm's
+//! exact algorithm, so that both give the same bits everywhere.
 
 /// Square root of `x`; of a negative number zero (rounding can leave a tiny one).
 #[inline]

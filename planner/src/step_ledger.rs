@@ -28,7 +28,8 @@ impl StepLedger {
         self.tick
     }
 
-    /// Advances the motion clock to a tick without an event, the end of a move. An earlier tick changes nothing.
+    /// Advances the motion clock to a tick without an event, the end of a move. An earlier tick
+    /// changes nothing.
     pub fn advance_to(&mut self, tick: u64) {
         self.tick = self.tick.max(tick);
     }

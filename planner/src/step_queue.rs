@@ -5,14 +5,16 @@ pub const EXTRUDER: u8 = 1 << 3;
 
 /// One entry of the step queue, 8 bytes.
 ///
-/// A *stair* (Wu 2024) is `count` events at one interval; each steps `axes`. In the last one it is the other way round
-/// with `added`: what does not step in the others steps there, and what does (on a steep line) does not. All intervals
-/// count from the event before. Times are ticks of the motion clock, which advances only while blocks run.
+/// A *stair* (Wu 2024) is `count` events at one interval; each steps `axes`. In the last one it is
+/// the other way round with `added`: what does not step in the others steps there, and what does
+/// (on a steep line) does not. All intervals count from the event before. Times are ticks of the
+/// motion clock, which advances only while blocks run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StepEntry {
     interval_ticks: u32,
-    /// Packed fields: from bit 0 on the count, from bit 16 on the axes, from bit 24 on `added` of a stair or the
-    /// direction bits of a direction change. One word, so that an entry is stored at once.
+    /// Packed fields: from bit 0 on the count, from bit 16 on the axes, from bit 24 on
+    /// `added` of a stair or the direction bits of a direction change. One word, so that an
+    /// entry is stored at once.
     rest: u32,
 }
 
@@ -27,7 +29,8 @@ pub enum StepKind {
         count: u16,
         /// Motors that step in each event.
         axes: u8,
-        /// Motors that step in the last only; those of them that are among `axes`, in all but the last.
+        /// Motors that step in the last only; those of them that are among `axes`, in
+        /// all but the last.
         added: u8,
     },
     /// Time passes without a step: an interval longer than 32 bits.
@@ -99,8 +102,8 @@ impl StepEntry {
         self.rest.wrapping_sub(1) & 0xe000 == 0
     }
 
-    /// All of a stair but its interval: from bit 0 on the count, from bit 16 on [`Self::axes`], from bit 24 on
-    /// [`Self::added`].
+    /// All of a stair but its interval: from bit 0 on the count, from bit 16 on [`Self::axes`],
+    /// from bit 24 on [`Self::added`].
     #[inline(always)]
     pub const fn stair_word(self) -> u32 {
         self.rest
@@ -140,8 +143,8 @@ impl StepEntry {
         })
     }
 
-    /// An entry with the first `count` events of this one (all of them if it has no more); `None` for none of a
-    /// stair's.
+    /// An entry with the first `count` events of this one (all of them if it has no more); `None`
+    /// for none of a stair's.
     pub const fn first_events(self, count: u16) -> Option<Self> {
         if self.count() == 0 || count >= self.count() {
             return Some(self);
@@ -174,8 +177,8 @@ impl StepEntry {
         Self { rest: self.rest | (axes as u32) << 24, ..self }
     }
 
-    /// The stair with other motors also stepping in its last event; `None` if one of them steps anywhere in it, or the
-    /// entry is not a stair.
+    /// The stair with other motors also stepping in its last event; `None` if one of them steps
+    /// anywhere in it, or the entry is not a stair.
     pub(crate) const fn joined(self, axes: u8) -> Option<Self> {
         let shift = if self.count() == 1 { 16 } else { 24 };
         if self.count() == 0 || (self.axes() | self.added()) & axes != 0 {
@@ -197,7 +200,8 @@ impl StepEntry {
     }
 }
 
-/// Event between steps, at a tick of the motion clock: after the steps up to that tick and before the later ones.
+/// Event between steps, at a tick of the motion clock: after the steps up to that tick and
+/// before the later ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Notice {
     /// A move has ended.
@@ -211,8 +215,8 @@ pub enum Notice {
     BlockEnded {
         /// Time of the end.
         tick: u64,
-        /// Positions that X, Y, Z (CoreXY: A, B, Z) and the extruder must have by their blocks' own counts, for
-        /// comparison with the steps handed out.
+        /// Positions that X, Y, Z (CoreXY: A, B, Z) and the extruder must have by their blocks' own
+        /// counts, for comparison with the steps handed out.
         motor_steps: [i64; 4],
     },
     /// A fan changes with the motion around it.

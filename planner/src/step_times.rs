@@ -1,4 +1,5 @@
-//! Due times of one motor's steps: the pieces of a time law, solved for equally spaced path positions.
+//! Due times of one motor's steps: the pieces of a time law, solved for equally
+//! spaced path positions.
 
 mod accelerated;
 mod even;
@@ -30,7 +31,8 @@ enum Source<P> {
     Short(Unsolved<f32, TrapezoidPieces<f32>>),
     /// Steps along a longer trapezoid.
     Long(Unsolved<f64, TrapezoidPieces<f64>>),
-    /// Steps along a block of a run, and the block's start, in time units from the run's, from which the pieces count.
+    /// Steps along a block of a run, and the block's start, in time units from the run's, from
+    /// which the pieces count.
     Run(Unsolved<f64, CurvePieces>, u64),
     /// Steps along a law of another kind.
     Other(Unsolved<f64, P>),
@@ -63,15 +65,16 @@ impl<P: Pieces> Source<P> {
     }
 }
 
-/// The step times of a motor along one stretch of a block, in units of 2^-16 tick from the block's start, never
-/// decreasing.
+/// The step times of a motor along one stretch of a block, in units of 2^-16 tick from the block's
+/// start, never decreasing.
 ///
-/// Each phase begins anew from its own time, so that rounding never adds up over more than a phase. At a constant
-/// acceleration the interval is 2h/(v_k + v_k+1) with v_k = sqrt(v_0^2 + 2 a h k), in f32; at a constant speed it is
-/// constant.
+/// Each phase begins anew from its own time, so that rounding never adds up over more than a phase.
+/// At a constant acceleration the interval is 2h/(v_k + v_k+1) with v_k = sqrt(v_0^2 + 2 a h k), in
+/// f32; at a constant speed it is constant.
 #[derive(Clone, Copy, Debug)]
 pub struct StepTimes<P = Never> {
-    /// Due time of the next of the `left` steps. Meaningless if none is left: read it through [`Self::next`] only.
+    /// Due time of the next of the `left` steps. Meaningless if none is left: read it through
+    /// [`Self::next`] only.
     due: u64,
     /// Steps left in the phase; without any, no step is due any more.
     left: u32,
@@ -86,8 +89,9 @@ impl<P: Pieces> StepTimes<P> {
     pub const NONE: Self =
         Self { due: 0, left: 0, motion: PhaseMotion::Even(EvenSteps::EMPTY), beyond: 0, source: Source::None };
 
-    /// Starts with the steps of a motor in a stretch of a block, none of them due before `earliest`. Every field is set here
-    /// or by `enter_phase`: nothing of a block that was abandoned half-way remains.
+    /// Starts with the steps of a motor in a stretch of a block, none of them due before
+    /// `earliest`. Every field is set here or by `enter_phase`: nothing of a block that was
+    /// abandoned half-way remains.
     #[inline]
     pub fn start(&mut self, law: &TimeLaw<P>, stretch: &Stretch, steps: &MotorSteps, earliest: u64) {
         match law {
@@ -133,7 +137,8 @@ impl<P: Pieces> StepTimes<P> {
         if after.cast_signed() < 0 { 0 } else { u32::try_from(after >> FRACTION_BITS).unwrap_or(u32::MAX) }
     }
 
-    /// Interval of the cruise, and the steps left in it, the next one included; `None` outside a cruise.
+    /// Interval of the cruise, and the steps left in it, the next one included; `None`
+    /// outside a cruise.
     #[inline]
     pub(crate) fn cruise(&self) -> Option<(EvenSteps, u32)> {
         match self.motion {
@@ -148,7 +153,8 @@ impl<P: Pieces> StepTimes<P> {
         self.beyond
     }
 
-    /// Takes `count` steps of a cruise. The next one of the cruise would be due at `due`, and `beyond` later.
+    /// Takes `count` steps of a cruise. The next one of the cruise would be due at `due`,
+    /// and `beyond` later.
     #[inline]
     pub(crate) fn end_cruise(&mut self, count: u32, due: u64, beyond: u32) {
         self.left = self.left.wrapping_sub(count);
@@ -172,8 +178,8 @@ impl<P: Pieces> StepTimes<P> {
         }
     }
 
-    /// Takes over `count` steps that a loop has taken. The one after the last would be due at `due` if that `is_next`; if
-    /// not, the last one taken was.
+    /// Takes over `count` steps that a loop has taken. The one after the last would be due at `due`
+    /// if that `is_next`; if not, the last one taken was.
     #[inline(always)]
     pub(crate) fn end_hot_ramp(&mut self, run: &HotRamp, count: u32, due: u64, is_next: bool) {
         self.due = due;

@@ -77,7 +77,8 @@ impl Iterator for Stretches {
             return Some(rest);
         };
         self.index += 1;
-        // Ends in another order than the path's make stretches without length; those have their steps all the same.
+        // Ends in another order than the path's make stretches without length; those have their
+        // steps all the same.
         let end_10nm = end.length_10nm.clamp(rest.before_10nm, self.block_length_10nm);
         let after_10nm = self.block_length_10nm.saturating_sub(end_10nm);
         let stretch = Stretch {

@@ -8,8 +8,9 @@ use crate::s_curve::law::{Along, Curve};
 use crate::time_units::UNITS_PER_SECOND;
 use crate::trapezoid::Trapezoid;
 
-/// The longest duration of a block whose law is worked out in f32, in time units: a quarter of a second. Its steps are then within a few
-/// ticks of f64's, a small part of the microsecond (84 ticks) that is allowed.
+/// The longest duration of a block whose law is worked out in f32, in time units: a quarter of a
+/// second. Its steps are then within a few ticks of f64's, a small part of the microsecond (84
+/// ticks) that is allowed.
 const MAX_IN_F32: f32 = 0.25 * UNITS_PER_SECOND as f32;
 
 /// The time law of a block: a trapezoid, in the precision that its duration asks for, or another.
@@ -40,14 +41,15 @@ impl<P: Pieces> TimeLaw<P> {
         Self::Long(Trapezoid::new(planned))
     }
 
-    /// The law of a run along one of its blocks, which begins `offset_10nm` after the run's start, and the speed at the
-    /// block's end (Li 2017).
+    /// The law of a run along one of its blocks, which begins `offset_10nm` after the run's start,
+    /// and the speed at the block's end (Li 2017).
     pub fn along(curve: &Curve, offset_10nm: u32, length_10nm: u32) -> (Self, Speed) {
         let law = Along::new(curve, offset_10nm, length_10nm);
         (Self::Run(law), law.exit())
     }
 
-    /// Time at a path position, time units from the block's start; positions outside become the nearer end.
+    /// Time at a path position, time units from the block's start; positions outside
+    /// become the nearer end.
     pub(crate) fn time_at(&self, length_10nm: u32) -> u64 {
         match self {
             Self::Short(law) => law.time_at(length_10nm),

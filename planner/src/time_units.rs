@@ -1,4 +1,5 @@
-//! The unit in which times within a block are counted, 2^-16 tick, and what path and speed make of it.
+//! The unit in which times within a block are counted, 2^-16 tick, and what path and
+//! speed make of it.
 //!
 //! Path is in units of 10 nm, speed in units of 2^-16 mm/s.
 
@@ -7,8 +8,8 @@ use crate::real::Real;
 
 /// Frequency of the nominal time base, in ticks a second.
 ///
-/// Every planned time is a number of these ticks. A board whose timer runs at another frequency stretches time; it
-/// never plans other ticks.
+/// Every planned time is a number of these ticks. A board whose timer runs at another frequency
+/// stretches time; it never plans other ticks.
 pub const TICKS_PER_SECOND: u32 = 84_000_000;
 
 /// Bits of fraction in a time unit: it is 2^-16 tick.

@@ -1,30 +1,37 @@
-//! Limits of the speed in a corner and of the acceleration of the moves beside it, so that the filtered path keeps a
-//! tolerance.
+//! Limits of the speed in a corner and of the acceleration of the moves beside it, so that the
+//! filtered path keeps a tolerance.
 //!
-//! The filters of X and Y take the mean of the plan at times around now: q(t) = E p(t - tau), tau being distributed as the filter's
-//! weights and 0 in the mean. Along the path that is a mean of places R, and with the corners at r_c, each turning the direction by a
-//! difference k_c of unit vectors, the filtered path is from the planned one by no more than
+//! The filters of X and Y take the mean of the plan at times around now: q(t) = E p(t - tau), tau
+//! being distributed as the filter's weights and 0 in the mean. Along the path that is a mean of
+//! places R, and with the corners at r_c, each turning the direction by a difference k_c of unit
+//! vectors, the filtered path is from the planned one by no more than
 //!
-//! > sum over the corners of k_c m_c,  m_c = min(E(R - r_c)+, E(r_c - R)+) <= v_c G(t - t_c) + a K(t - t_c),
+//! > sum over the corners of k_c m_c, m_c = min(E(R - r_c)+, E(r_c - R)+) <= v_c G(t -
+//! t_c) + a K(t - t_c),
 //!
-//! where G(u) is how far a filtered ramp is ahead of the ramp, convex on each side and largest at 0, where it is half of E|tau|, and K(u) its
-//! integral from |u| outwards, at 0 half of the second moment of one side. Between two corners the bound is convex in time, so it is
-//! largest at corners. What of it is the others' there, this module limits by a rule for each corner by itself:
+//! where G(u) is how far a filtered ramp is ahead of the ramp, convex on each side and largest
+//! at 0, where it is half of E|tau|, and K(u) its integral from |u| outwards, at 0 half of the
+//! second moment of one side. Between two corners the bound is convex in time, so it is
+//! largest at corners. What of it is the others' there, this module limits by a rule for each
+//! corner by itself:
 //!
-//! - *alone*: both moves beside it last as long as the filter reaches. Nothing else counts, and k (v G(0) + a K(0)) is all.
-//! - *in a crowd*: the velocity jumps by no more than A times the time of the shorter move beside it, and the path turns by no more than
-//!   a radian in the filter's reach H. As G is convex, each jump of the others is no more than A times the integral of G over the move's own time
-//!   around it, together 2 A K(0), less what the corner's own time covers. Their terms of K are at most a K(0) / 3 a side, since the integral
-//!   of K is no more than H K(0) / 3.
+//! - *alone*: both moves beside it last as long as the filter reaches. Nothing else counts, and k
+//!   (v G(0) + a K(0)) is all.
+//! - *in a crowd*: the velocity jumps by no more than A times the time of the shorter move beside
+//!   it, and the path turns by no more than a radian in the filter's reach H. As G is convex, each
+//!   jump of the others is no more than A times the integral of G over the move's own time around
+//!   it, together 2 A K(0), less what the corner's own time covers. Their terms of K are at most a
+//!   K(0) / 3 a side, since the integral of K is no more than H K(0) / 3.
 //!
-//! Unequal filters of X and Y, and of Z, which has the moving average only, part from a straight line while the speed along it changes:
-//! by a |u_x u_y| times the integral of |G_x - G_y|.
+//! Unequal filters of X and Y, and of Z, which has the moving average only, part from a straight
+//! line while the speed along it changes: by a |u_x u_y| times the integral of |G_x - G_y|.
 //!
-//! With a moving average over T the same rule holds the acceleration of the filtered path to 5/4 of what the moves may have, and that of the
-//! extruder: it is the change of the velocity within T, divided by T. A lone corner adds to a T its jump J: together
-//! sqrt((aT)^2 + J^2 + k J a T). In a crowd moves keep 0.59 of their acceleration, and jumps of no more than 0.65 a d T / (d + T),
-//! d being the time of the shorter move, add up to no more than 0.65 a T in any T, since d T / (d + T) is concave. A hundredth of a is left
-//! for speeds and lengths that are rounded.
+//! With a moving average over T the same rule holds the acceleration of the filtered path to 5/4 of
+//! what the moves may have, and that of the extruder: it is the change of the velocity within T,
+//! divided by T. A lone corner adds to a T its jump J: together sqrt((aT)^2 + J^2 + k J a T). In a
+//! crowd moves keep 0.59 of their acceleration, and jumps of no more than 0.65 a d T / (d + T), d
+//! being the time of the shorter move, add up to no more than 0.65 a T in any T, since d T / (d +
+//! T) is concave. A hundredth of a is left for speeds and lengths that are rounded.
 
 mod filter;
 
@@ -39,30 +46,33 @@ use filter::{Filter, apart};
 /// Tolerances of the commanded path, mm.
 pub const PATH_TOLERANCE_MM: [f64; 2] = [0.001, 1.0];
 
-/// Share of the tolerance kept back for what the bound leaves out: rounded weights and delays, and Z's filter on
-/// slopes.
+/// Share of the tolerance kept back for what the bound leaves out: rounded weights and delays, and
+/// Z's filter on slopes.
 const KEPT_BACK: f32 = 0.02;
 
-/// The part of the tolerance that acceleration may take beside a lone corner, and in a crowd; the rest is the corner's speed.
+/// The part of the tolerance that acceleration may take beside a lone corner, and in a crowd; the
+/// rest is the corner's speed.
 const ALONE: f32 = 0.95;
 const CROWDED: f32 = 0.85;
 
-/// Acceleration of moves along the path in a crowd, as a multiple of that across it, A. A larger one makes short lines
-/// faster, and curves slower.
+/// Acceleration of moves along the path in a crowd, as a multiple of that across it, A. A larger
+/// one makes short lines faster, and curves slower.
 const ALONG_PER_ACROSS: f32 = 1.5;
 
-/// The least difference of directions that is a corner: single precision does not know smaller ones.
+/// The least difference of directions that is a corner: single precision does not
+/// know smaller ones.
 const LEAST_TURN: f32 = 1e-6;
 
-/// Shares of a move's acceleration in a crowd with a moving average: what is left along the path, and what its corners
-/// may take.
+/// Shares of a move's acceleration in a crowd with a moving average: what is left along the path,
+/// and what its corners may take.
 const ALONG: f32 = 0.59;
 const ACROSS: f32 = 0.65;
 
 /// Bisections between a speed that keeps the tolerance and one that does not.
 const HALVINGS: u32 = 3;
 
-/// Share of the extruder's acceleration that its jumps at corners may take beside what it has along lines.
+/// Share of the extruder's acceleration that its jumps at corners may take beside what it
+/// has along lines.
 const EXTRUDER_JUMPS: f32 = 0.25;
 
 /// The filters' measures, and the tolerance that they are to keep.
@@ -148,7 +158,8 @@ impl PathTolerance {
         self.along_mm_per_s2
     }
 
-    /// The acceleration of a move by itself, mm/s^2: on its line it parts from it by no more than the tolerance.
+    /// The acceleration of a move by itself, mm/s^2: on its line it parts from it by no more
+    /// than the tolerance.
     pub fn along(&self, path: &Path, acceleration: f32) -> f32 {
         if path.length <= 0.0 {
             return acceleration;
@@ -158,14 +169,16 @@ impl PathTolerance {
         smaller(in_plane, KEPT_BACK * self.tolerance_mm / slope)
     }
 
-    /// Difference between the axes' filters on a line for each mm/s^2, s^2: between X and Y, and between Z and these.
+    /// Difference between the axes' filters on a line for each mm/s^2, s^2: between X and Y, and
+    /// between Z and these.
     fn apart_along(&self, path: &Path) -> (f32, f32) {
         let per_length = 1.0 / path.length;
         let [x, y, z] = path.vector.map(|component| (component * per_length).abs());
         (x * y * self.apart_s2, z * larger(x, y) * self.apart_from_z_s2)
     }
 
-    /// The acceleration of a move that keeps the tolerance whatever comes before or after it, in a stop if need be.
+    /// The acceleration of a move that keeps the tolerance whatever comes before or after it, in a
+    /// stop if need be.
     pub fn beside_any(&self, one: &Beside<'_>) -> f32 {
         smaller(self.along_in_crowd(one), length_mm(one.path) / (self.reach_s * self.reach_s))
     }
@@ -181,14 +194,15 @@ impl PathTolerance {
         ticks as f32 >= 2.0 * self.reach_s * TICKS_PER_SECOND as f32
     }
 
-    /// Limits of a corner between two moves that have a path; `nominal_mm_per_s` is the slower one's nominal speed, and
-    /// the extruder's acceleration is in mm/s^2.
+    /// Limits of a corner between two moves that have a path; `nominal_mm_per_s` is the slower
+    /// one's nominal speed, and the extruder's acceleration is in mm/s^2.
     pub fn corner(&self, moves: &[Beside<'_>; 2], nominal_mm_per_s: f32, extruder_mm_per_s2: f32) -> Corner {
         let [before, after] = moves;
         let [x, y, z, filament] = Path::jumps(before.path, after.path);
         let turn = square_root_f32(x * x + y * y + z * z);
         let at_rate = ExtruderRule { jump: filament, acceleration: extruder_mm_per_s2 };
-        // Included: a line that continues in another with a larger acceleration, which a corner nearby may see.
+        // Included: a line that continues in another with a larger acceleration, which a
+        // corner nearby may see.
         let turn = larger(turn, LEAST_TURN);
         let alone = self.alone(moves, turn, &at_rate);
         // Turning more than a radian within their reach they are never in a crowd.
@@ -226,7 +240,8 @@ impl PathTolerance {
         Corner { mm_per_s: larger(mm_per_s, 0.0), accelerations }
     }
 
-    /// The speed at which the flow changes by no more than what the extruder may within half an average.
+    /// The speed at which the flow changes by no more than what the extruder may within
+    /// half an average.
     fn alone_with_filament(&self, extruder: &ExtruderRule) -> f32 {
         if self.smooth_s <= 0.0 {
             return f32::INFINITY;
@@ -261,7 +276,8 @@ impl PathTolerance {
         Corner { mm_per_s: larger(mm_per_s, 0.0), accelerations }
     }
 
-    /// The speed at which a corner beside others keeps the tolerance: its jump, what it covers of the others', and what it turns.
+    /// The speed at which a corner beside others keeps the tolerance: its jump, what it covers of
+    /// the others', and what it turns.
     fn fitting_in_crowd(&self, turn: f32, shorter_mm: f32) -> f32 {
         let Self { tolerance_mm, jump_s, bend_s2, apart_s2, across_mm_per_s2: across, along_mm_per_s2: along, .. } =
             *self;
@@ -278,8 +294,8 @@ impl PathTolerance {
         if allowed(covered(most)) >= most {
             return most;
         }
-        // The slower, the longer the moves last and the more they cover. Lasting k H they keep the others away by half of that, which
-        // leaves 2 (1 - k/2)^2 of the 2 for jumps.
+        // The slower, the longer the moves last and the more they cover. Lasting k H they keep the
+        // others away by half of that, which leaves 2 (1 - k/2)^2 of the 2 for jumps.
         let mut kept = larger(allowed(covered(most)), allowed(1.5 * turn * bend_s2));
         let mut not_kept = most;
         for _ in 0..HALVINGS {
@@ -289,8 +305,8 @@ impl PathTolerance {
         kept
     }
 
-    /// Part of the integral of G covered by a move of this duration, half of it to each side of the corner: G falls by
-    /// no more than the weight of a side.
+    /// Part of the integral of G covered by a move of this duration, half of it to each side of the
+    /// corner: G falls by no more than the weight of a side.
     fn covered_s2(&self, time_s: f32) -> f32 {
         let within_s = smaller(time_s, 2.0 * self.jump_s / self.side);
         within_s * (self.jump_s - 0.25 * self.side * within_s)
@@ -306,9 +322,11 @@ struct ExtruderRule {
     acceleration: f32,
 }
 
-/// The speed v with v (v / l + rate) = `share`: so much of an acceleration, over the jump of a speed of 1, that a corner takes.
+/// The speed v with v (v / l + rate) = `share`: so much of an acceleration, over the jump of a
+/// speed of 1, that a corner takes.
 fn spread_speed(share: f32, rate: f32, length_mm: f32) -> f32 {
-    // Written so that nothing cancels. An infinite share, of a corner without a jump, sets no bound.
+    // Written so that nothing cancels. An infinite share, of a corner without a
+    // jump, sets no bound.
     if share > f32::MAX {
         return f32::INFINITY;
     }

@@ -6,7 +6,8 @@ use crate::piece::{Anchor, Motion, Piece, PieceEnd, Place, time_at};
 use crate::real::Real;
 use crate::time_units::{FRACTION_BITS, HALF_TICK, UNITS, cruise_time, ramp_time};
 
-/// Change of the squared speed over one unit of path at one unit of acceleration (2^-8 mm/s^2): v^2 = v0^2 + 2as.
+/// Change of the squared speed over one unit of path at one unit of acceleration (2^-8 mm/s^2):
+/// v^2 = v0^2 + 2as.
 const GAIN: f64 = 2.0 / 256.0 / UNITS_PER_MM as f64 * 65_536.0 * 65_536.0;
 
 /// A trapezoid of speed over time: acceleration, cruise, deceleration, any of them possibly empty.
@@ -38,7 +39,8 @@ pub struct Trapezoid<F> {
     pub(crate) duration: F,
 }
 
-/// Difference of the squares, a >= b, without the cancellation: the difference of integers is exact.
+/// Difference of the squares, a >= b, without the cancellation: the difference of
+/// integers is exact.
 #[inline]
 fn difference_of_squares<F: Real>(a: u32, b: u32) -> F {
     F::from_u32(a.saturating_sub(b)) * (F::from_u32(a) + F::from_u32(b))
@@ -47,9 +49,9 @@ fn difference_of_squares<F: Real>(a: u32, b: u32) -> F {
 impl<F: Real> Trapezoid<F> {
     /// The trapezoid of a planned block (Wu 2024, eqs. 8, 9 and 12, misprints mended).
     ///
-    /// X1 = (v^2 - v1^2)/2a, X2 = (v^2 - v2^2)/2a, X3 = S - X1 - X2; without room for a cruise the peak is
-    /// sqrt((2aS + v1^2 + v2^2)/2). Where quantised end speeds differ by a hair more than `a` allows over S, the
-    /// whole block is one ramp between them.
+    /// X1 = (v^2 - v1^2)/2a, X2 = (v^2 - v2^2)/2a, X3 = S - X1 - X2; without room for a cruise the
+    /// peak is sqrt((2aS + v1^2 + v2^2)/2). Where quantised end speeds differ by a hair more than
+    /// `a` allows over S, the whole block is one ramp between them.
     #[inline]
     pub(crate) fn new(planned: &PlannedBlock) -> Self {
         let (v1, v2) = (planned.entry.0, planned.exit.0);

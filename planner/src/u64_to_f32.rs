@@ -1,4 +1,5 @@
-//! 64-bit integers to single precision: the bits of `as f32`, for which the target has no instruction (R7).
+//! 64-bit integers to single precision: the bits of `as f32`, for which the target has no
+//! instruction (R7).
 
 /// The nearest single-precision number, the even one of two.
 #[inline]
@@ -7,7 +8,8 @@ pub(crate) fn of_u64(value: u64) -> f32 {
     if high == 0 {
         return value as u32 as f32;
     }
-    // The upper 32 bits that count, and whether any below them is set: the processor rounds them to 24.
+    // The upper 32 bits that count, and whether any below them is set: the processor
+    // rounds them to 24.
     let low = value as u32;
     let zeros = high.leading_zeros();
     // Two shifts, because a shift by 32 overflows.

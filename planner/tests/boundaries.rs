@@ -1,5 +1,5 @@
-//! State of the ring over a stop and a release, and the rounding of times: single values whose errors do not show in
-//! whole prints.
+//! State of the ring over a stop and a release, and the rounding of times: single values whose
+//! errors do not show in whole prints.
 #![allow(clippy::unwrap_used)]
 
 use ferrostep_planner::block_queue::BlockQueue;
@@ -90,7 +90,8 @@ fn no_more_is_released_than_waits() {
     assert!(!ring.can_leave());
 }
 
-/// 840 / v ticks a unit of 10 nm, whole ones, the nearest: in single precision and, beyond a quarter of a second, in double.
+/// 840 / v ticks a unit of 10 nm, whole ones, the nearest: in single precision and, beyond a
+/// quarter of a second, in double.
 #[test]
 fn durations_are_rounded_to_the_nearest_tick() {
     let mut rounded_up = 0;

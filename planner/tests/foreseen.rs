@@ -1,4 +1,5 @@
-//! Blocks leave the look-ahead ring before the one after them has come, where its start is foreseen. The plan is that of a full ring.
+//! Blocks leave the look-ahead ring before the one after them has come, where its start is
+//! foreseen. The plan is that of a full ring.
 #![allow(clippy::unwrap_used)]
 
 use ferrostep_planner::look_ahead::Slot;
@@ -34,7 +35,8 @@ fn planner(event_cost_ticks: u32, move_cost_ticks: u32, ring: usize) -> Planner<
     planner
 }
 
-/// Runs of pieces in one direction, most of them too short for a block of their own, with corners between the runs.
+/// Runs of pieces in one direction, most of them too short for a block of their own, with corners
+/// between the runs.
 fn path() -> impl Strategy<Value = Vec<Move>> {
     let length = prop_oneof![3 => 20i64..2_000, 3 => 2_000i64..60_000, 1 => 60_000i64..3_000_000];
     let filament = prop_oneof![1 => Just(0i64), 1 => 0i64..100, 2 => 0i64..1_700_000, 1 => -20_000_000i64..20_000_000];
@@ -58,7 +60,8 @@ fn path() -> impl Strategy<Value = Vec<Move>> {
     })
 }
 
-/// The blocks of a path as they leave. After each move `then` may ask for what is certain, and let it leave.
+/// The blocks of a path as they leave. After each move `then` may ask for what is certain,
+/// and let it leave.
 fn blocks(
     mut planner: Planner<Vec<Slot>>,
     path: &[Move],
@@ -105,7 +108,8 @@ proptest! {
         }
     }
 
-    /// The blocks that leave last at least as long as is said to be certain. (Longer where they cannot speed up so much.)
+    /// The blocks that leave last at least as long as is said to be certain. (Longer where they
+    /// cannot speed up so much.)
     #[test]
     fn what_is_certain_lasts_as_long_as_it_is_said_to(path in path()) {
         let mut certain_ticks = 0;
@@ -122,8 +126,8 @@ proptest! {
     }
 }
 
-/// A line, and a short move around its corner, which stays open: the corner is slow enough to stop within the short move, so that
-/// the line's end is known.
+/// A line, and a short move around its corner, which stays open: the corner is slow enough to stop
+/// within the short move, so that the line's end is known.
 #[test]
 fn a_line_leaves_when_the_short_move_after_it_is_open() {
     let at = |x: i64, y: i64, line| {

@@ -1,4 +1,5 @@
-//! Moves that end inside a block: the time at which they are reported, and the motor positions then.
+//! Moves that end inside a block: the time at which they are reported, and the
+//! motor positions then.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
@@ -127,8 +128,9 @@ fn tick_at(planned: &PlannedBlock, length_10nm: f64) -> f64 {
     seconds * f64::from(TICKS_PER_SECOND)
 }
 
-/// Every end is noticed once, in order, at its time, with all motors exactly where their own moves end; and between the ends
-/// the motor with most steps makes each of them when the path is half a step before it.
+/// Every end is noticed once, in order, at its time, with all motors exactly where their own
+/// moves end; and between the ends the motor with most steps makes each of them when the path is
+/// half a step before it.
 fn check(planned: &PlannedBlock, parts: &[Part], happened: &[Happened]) -> Result<(), TestCaseError> {
     for pair in happened.windows(2) {
         prop_assert!(pair[1].tick() >= pair[0].tick(), "{:?}", pair);
@@ -136,7 +138,8 @@ fn check(planned: &PlannedBlock, parts: &[Part], happened: &[Happened]) -> Resul
             prop_assert!(pair[1].tick() > pair[0].tick(), "{:?}", pair);
         }
     }
-    // Early by joining the event before, late by events that kept their distance from others, and by the end before.
+    // Early by joining the event before, late by events that kept their distance from others, and
+    // by the end before.
     let early = -84.0 - f64::from(MINIMUM_INTERVAL);
     let late = 84.0 + 3.0 * f64::from(MINIMUM_INTERVAL);
     let mut happened = happened.iter();
@@ -221,7 +224,8 @@ proptest! {
         acceleration in 100.0f64..10_000.0,
     ) {
         let length_mm = parts.iter().map(|part| f64::from(part.0)).sum::<f64>() / 100_000.0;
-        // No motor steps faster than a third of what events may follow each other: three motors with times of their own.
+        // No motor steps faster than a third of what events may follow each other: three motors
+        // with times of their own.
         let rate = f64::from(TICKS_PER_SECOND) / f64::from(MINIMUM_INTERVAL) / 3.0;
         let nominal = parts.iter().fold(nominal, |nominal, (length, steps, extruder)| {
             let most = steps.iter().map(|n| n.unsigned_abs()).max().unwrap().max(extruder.unsigned_abs() / 256 + 1);

@@ -1,5 +1,6 @@
-//! Filament that moves on the way: what is printed stays the same, the nozzle keeps its path, and nothing is faster than it may be. Under a
-//! trapezoid and an S-curve, with filters, an advance and a tolerance of the filtered path, and without.
+//! Filament that moves on the way: what is printed stays the same, the nozzle keeps its path, and
+//! nothing is faster than it may be. Under a trapezoid and an S-curve, with filters, an advance and
+//! a tolerance of the filtered path, and without.
 #![allow(clippy::unwrap_used)]
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -16,7 +17,8 @@ use proptest::prelude::*;
 const FILAMENT_FEED: f64 = 60.0;
 const FILAMENT_ACCELERATION: f64 = 5_000.0;
 
-/// Largest change of the filament's speed between parts, mm/s: a fifth of its highest, if that is above 25 mm/s.
+/// Largest change of the filament's speed between parts, mm/s: a fifth of its highest, if that
+/// is above 25 mm/s.
 const MOST_JUMP: f64 = 12.5;
 
 const EXTRUDER_STEPS_PER_MM: f64 = 140.0;
@@ -178,7 +180,8 @@ fn machine() -> impl Strategy<Value = Machine> {
         })
 }
 
-/// The blocks of moves, and how long they take, s. `drains`: after each move all blocks are taken that are final.
+/// The blocks of moves, and how long they take, s. `drains`: after each move all blocks are
+/// taken that are final.
 fn planned(
     machine: &Machine,
     filament_on_the_way: bool,
@@ -263,7 +266,8 @@ fn ends(blocks: &[PlannedBlock]) -> BTreeMap<u32, [i64; 4]> {
     ends
 }
 
-/// Filament for a mm of path, and by how much counting in 1/256 steps and 10 nm may have changed it.
+/// Filament for a mm of path, and by how much counting in 1/256 steps and 10 nm may
+/// have changed it.
 struct Ratio {
     mm_per_mm: f64,
     rounding: f64,
@@ -293,7 +297,8 @@ proptest! {
             prop_assert!(on_the_way.iter().map(|one| one.block).eq(same.iter().map(|one| one.block)));
         }
         let (expected, found) = (ends(&stops), ends(&on_the_way));
-        // Filament that is pushed begins and ends where it does with stops, all motors; in between filament and travel are together.
+        // Filament that is pushed begins and ends where it does with stops, all motors; in between
+        // filament and travel are together.
         for one in moves.iter().flatten().filter(|one| one.filament_100pm > 0) {
             prop_assert_eq!(expected[&one.line], found[&one.line], "line {}", one.line);
         }
@@ -302,7 +307,8 @@ proptest! {
         }
         prop_assert_eq!(expected.len(), found.len());
         prop_assert_eq!(expected[&u32::MAX], found[&u32::MAX]);
-        // The nozzle keeps to its path: nowhere back, nowhere beside, but for the rounding of each part.
+        // The nozzle keeps to its path: nowhere back, nowhere beside, but for the
+        // rounding of each part.
         let ((steps, path), (same_steps, same_path)) = (steps_and_path(&stops), steps_and_path(&on_the_way));
         prop_assert_eq!(steps, same_steps);
         let rounding = 2e-5 * (stops.len() + on_the_way.len()) as f64;
@@ -330,8 +336,8 @@ proptest! {
                 before = Some(ratio);
             }
         }
-        // Look-ahead by few blocks sees less of a path in many parts. An S-curve takes the least acceleration that a tolerance leaves to
-        // one of several parts for all of them.
+        // Look-ahead by few blocks sees less of a path in many parts. An S-curve takes the least
+        // acceleration that a tolerance leaves to one of several parts for all of them.
         let is_least_of_all =
             machine.choice.acceleration == AccelerationProfile::SCurve && machine.choice.path_tolerance_mm.is_some();
         if machine.look_ahead > 16 && !is_least_of_all {

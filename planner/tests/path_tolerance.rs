@@ -1,5 +1,6 @@
-//! The filtered path keeps its tolerance, worked out apart in f64: every place of it is within the tolerance of the programmed path, and
-//! of every corner. With a moving average its true acceleration, and the extruder's, are at most 5/4 of what the machine may.
+//! The filtered path keeps its tolerance, worked out apart in f64: every place of it is within the
+//! tolerance of the programmed path, and of every corner. With a moving average its true
+//! acceleration, and the extruder's, are at most 5/4 of what the machine may.
 //!
 //! [`CORNERS_VARIABLE`] sets how many random corners are tried.
 
@@ -125,8 +126,8 @@ fn the_filtered_path_keeps_its_tolerance_and_its_acceleration() {
     assert!(most.tube > 0.9 && most.corner > 0.9 && most.acceleration > 1.2 && most.filament > 0.95, "{most:?}");
 }
 
-/// Filament that rides along travels divides them, and the parts keep the tolerance as other moves do, the acceleration of X and Y, and
-/// that of the filament.
+/// Filament that rides along travels divides them, and the parts keep the tolerance as other moves
+/// do, the acceleration of X and Y, and that of the filament.
 #[test]
 fn with_filament_on_the_way_the_same_is_kept() {
     let mut most = Worst::default();
@@ -167,7 +168,8 @@ fn without_a_tolerance_there_is_none() {
     assert!(beyond > plans / 2, "{beyond} of {plans}");
 }
 
-/// The same moves in a small ring and in a large one, with all the room that is needed made at any time, have the same accelerations.
+/// The same moves in a small ring and in a large one, with all the room that is needed made at any
+/// time, have the same accelerations.
 #[test]
 fn the_plan_does_not_depend_on_when_there_is_room() {
     for plan in 1..=40_u64 {

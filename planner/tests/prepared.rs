@@ -1,4 +1,5 @@
-//! Moves that bring their speeds: followed exactly where nothing has changed, and within all limits whatever has.
+//! Moves that bring their speeds: followed exactly where nothing has changed, and within all
+//! limits whatever has.
 #![allow(clippy::unwrap_used)]
 
 use ferrostep_planner::look_ahead::{EntrySpeed, PlanFault, Slot};
@@ -45,7 +46,8 @@ fn planner(ring: usize) -> Planner<Vec<Slot>> {
     Planner::new(geometry, limits, vec![Slot::EMPTY; ring])
 }
 
-/// A wandering path of short and long moves, some straight on, a few up or down, with filament or without.
+/// A wandering path of short and long moves, some straight on, a few up or down, with
+/// filament or without.
 fn path() -> impl Strategy<Value = Vec<Move>> {
     let height = prop_oneof![8 => Just(0i64), 1 => -30_000i64..30_000];
     let filament = prop_oneof![3 => Just(0i64), 3 => 0i64..100_000, 1 => -20_000_000i64..20_000_000];
@@ -125,7 +127,8 @@ fn execute(
     (blocks, refused)
 }
 
-/// Checks that each block's speeds are within its acceleration and its feed, from standstill to standstill.
+/// Checks that each block's speeds are within its acceleration and its feed, from
+/// standstill to standstill.
 fn keeps_limits(blocks: &[PlannedBlock]) -> Result<(), TestCaseError> {
     let mut speed = 0.0;
     for PlannedBlock { block, entry, exit } in blocks {

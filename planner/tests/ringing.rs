@@ -17,7 +17,8 @@ use ferrostep_simulator::frame::Mode;
 use ferrostep_simulator::motion::Motion;
 use ferrostep_simulator::shapers::Shaper;
 
-/// Frequencies that the shapers are made for, Hz; at the lowest, the longest filter is nearly as long as one may be.
+/// Frequencies that the shapers are made for, Hz; at the lowest, the longest filter is nearly as
+/// long as one may be.
 const FREQUENCIES_HZ: [f64; 8] = [20.0, 30.0, 40.0, 50.0, 65.0, 80.0, 100.0, 120.0];
 
 /// Frequencies of the frame, as parts of the shaper's.
@@ -30,8 +31,8 @@ const FRAME_DAMPINGS: [f64; 3] = [0.05, 0.1, 0.15];
 /// Steps/mm of all motors.
 const STEPS_PER_MM: f64 = 160.0;
 
-/// The most by which steps and formula may differ, as a part of the unshaped vibration. Whole steps shake the frame by a
-/// tenth of a step, however they are shaped; at 120 Hz that is 0.5 %.
+/// The most by which steps and formula may differ, as a part of the unshaped vibration. Whole steps
+/// shake the frame by a tenth of a step, however they are shaped; at 120 Hz that is 0.5 %.
 const MOST: f64 = 0.01;
 
 /// Steps of X and Y in order: seconds, and where both motors' steps put X and Y, mm.
@@ -70,7 +71,8 @@ fn seconds(ticks: u64) -> f64 {
     ticks as f64 / f64::from(TICKS_PER_SECOND)
 }
 
-/// A line of 60 mm that stops from 200 mm/s (X: 160, Y: 120) within 2 ms; its steps, and when the motors rest, s.
+/// A line of 60 mm that stops from 200 mm/s (X: 160, Y: 120) within 2 ms; its steps, and when
+/// the motors rest, s.
 fn line(kinematics: Kinematics, shapers: [AxisShaper; 2]) -> (Vec<(f64, [f64; 2])>, f64) {
     let geometry = Geometry {
         kinematics,

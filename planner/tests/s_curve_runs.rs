@@ -1,5 +1,5 @@
-//! Look-ahead under an S-curve: the runs of random blocks keep jerk, acceleration, corners and nominal speeds, and every
-//! block makes its steps.
+//! Look-ahead under an S-curve: the runs of random blocks keep jerk, acceleration, corners and
+//! nominal speeds, and every block makes its steps.
 //!
 //! [`RUNS_VARIABLE`] sets how many runs are tried.
 
@@ -187,7 +187,8 @@ impl Checker {
         self.speed = run.exit;
     }
 
-    /// Checks that the block makes its steps in the time and between the speeds of the closed form, to the run's end.
+    /// Checks that the block makes its steps in the time and between the speeds of the closed form,
+    /// to the run's end.
     fn check_steps(&mut self, part: &Part, passed: u32) {
         let run = &part.run;
         let (law, exit) = part.law::<Never>();
@@ -220,8 +221,8 @@ impl Checker {
         assert!(speed <= allowed, "{speed} > {allowed} at {at}: {run:?}");
     }
 
-    /// Checks that two ramps of the closed form, in f64, with this jerk and acceleration, fit the run's length as they
-    /// are.
+    /// Checks that two ramps of the closed form, in f64, with this jerk and acceleration, fit the
+    /// run's length as they are.
     fn check_law(&self, part: &Part) {
         let run = &part.run;
         assert!(run.peak >= run.entry && run.peak >= run.exit);
@@ -360,7 +361,8 @@ struct Sum {
     told: u64,
 }
 
-/// Blocks that are too short for their speeds: a fast one, a corner without a turn, and one to stop in.
+/// Blocks that are too short for their speeds: a fast one, a corner without a turn,
+/// and one to stop in.
 #[test]
 fn a_short_block_gets_the_fastest_speed_from_which_it_can_stop() {
     let mut random = Random(5);

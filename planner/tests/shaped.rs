@@ -1,4 +1,5 @@
-//! Shaped motion: every step of random plans is where the filtered law, worked out apart in f64, puts it.
+//! Shaped motion: every step of random plans is where the filtered law, worked out apart
+//! in f64, puts it.
 //!
 //! [`PLANS_VARIABLE`] sets how many plans are tried.
 
@@ -31,12 +32,13 @@ const PLANS: u64 = 300;
 /// Largest error of a step, ticks.
 const MOST_TICKS: f64 = 20.0;
 
-/// ... or part of a step. Where a motor turns, or hardly moves, the least part of a step takes many ticks: its acceleration is a
-/// sum in single precision, and 6e-8 of a hundred steps are passed in 20 ticks above 30 steps/s only.
+/// ... or part of a step. Where a motor turns, or hardly moves, the least part of a step takes many
+/// ticks: its acceleration is a sum in single precision, and 6e-8 of a hundred steps are passed in
+/// 20 ticks above 30 steps/s only.
 const MOST_STEPS: f64 = 1e-5;
 
-/// Largest error of an extruder with an advance, steps: tens of steps that are K times the plan's speed, rounded as
-/// that is.
+/// Largest error of an extruder with an advance, steps: tens of steps that are K times the plan's
+/// speed, rounded as that is.
 const MOST_ADVANCED_STEPS: f64 = 2e-5;
 
 /// Distance of a step from its place by the law, ticks; found by halving around it.
@@ -144,7 +146,8 @@ fn every_step_is_where_the_filtered_law_has_it() {
     println!("{} plans, {steps} events, the worst step {most:.2} ticks off", plans.len());
 }
 
-/// The largest speed, mm/s, and acceleration, mm/s^2, of a case's extruder, and by how much its speed jumps at most.
+/// The largest speed, mm/s, and acceleration, mm/s^2, of a case's extruder, and by how much its
+/// speed jumps at most.
 fn extruder_extremes(case: &Case) -> [f64; 3] {
     let Some((laws, _)) = laws(case, &case.blocks()) else { return [0.0; 3] };
     let impulses = impulses(case);
@@ -156,7 +159,8 @@ fn extruder_extremes(case: &Case) -> [f64; 3] {
     let at = |tick: f64| e.at(tick).plus(1.0, advance.at(tick));
     let (second, mut extremes) = (f64::from(TICKS_PER_SECOND), [0.0f64; 3]);
     for pair in times.windows(2) {
-        // Between two breakpoints the acceleration is constant, or changes evenly from one value to another.
+        // Between two breakpoints the acceleration is constant, or changes evenly from one
+        // value to another.
         let [start, end] = [pair[0], pair[1]];
         if end - start < 0.01 {
             continue;
@@ -173,7 +177,8 @@ fn extruder_extremes(case: &Case) -> [f64; 3] {
     extremes
 }
 
-/// Lines of one width, travels between them, and filament alone: the extruder keeps to its speed and acceleration, whatever K.
+/// Lines of one width, travels between them, and filament alone: the extruder keeps to its speed
+/// and acceleration, whatever K.
 #[test]
 fn the_advance_keeps_to_what_the_extruder_may() {
     let mut reached = [0.0f64; 3];

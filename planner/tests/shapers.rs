@@ -1,4 +1,5 @@
-//! Shapers against the simulator's, which are written by themselves, and what they leave of a mode's vibration.
+//! Shapers against the simulator's, which are written by themselves, and what they leave of a
+//! mode's vibration.
 #![allow(clippy::unwrap_used)]
 
 use std::fmt::Write as _;
@@ -71,8 +72,8 @@ proptest! {
     }
 }
 
-/// Every number of impulses and every length to a hundredth of a period: here is what the simulator finds by least squares, and what it
-/// refuses is refused.
+/// Every number of impulses and every length to a hundredth of a period: here is what the simulator
+/// finds by least squares, and what it refuses is refused.
 #[test]
 fn mzv_of_any_number_and_length_is_the_simulators() {
     let mut made = 0;
@@ -169,7 +170,8 @@ fn a_shaper_is_printed_as_an_expression() {
 const FREQUENCY_HZ: f64 = 40.0;
 const DAMPING: f64 = 0.1;
 
-/// Vibration after a kernel's last impulse against that after the unshaped command, of a mode with this frequency and damping.
+/// Vibration after a kernel's last impulse against that after the unshaped command, of a mode with
+/// this frequency and damping.
 fn residual(kernel: &Kernel, frequency_hz: f64, damping: f64) -> f64 {
     let omega = std::f64::consts::TAU * frequency_hz;
     let damped = omega * (1.0 - damping * damping).sqrt();

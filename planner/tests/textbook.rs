@@ -2,7 +2,8 @@
 
 use ferrostep_planner::PlannedBlock;
 
-/// The parts of a block at a constant acceleration: duration, s, speed at the start, mm/s, and acceleration, mm/s^2.
+/// The parts of a block at a constant acceleration: duration, s, speed at the start, mm/s, and
+/// acceleration, mm/s^2.
 pub fn trapezoid(planned: &PlannedBlock) -> Vec<[f64; 3]> {
     let [entry, nominal, exit] = [planned.entry, planned.block.nominal, planned.exit].map(|speed| speed.mm_per_s());
     let length = planned.block.length_mm();

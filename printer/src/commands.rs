@@ -1,7 +1,7 @@
 //! The commands: what each does with the printer, by subject.
 //!
-//! Each module extends [`Printer`](crate::Printer); only `dispatch` knows which command is where. The state that the
-//! commands change is in modules that do not depend on them.
+//! Each module extends [`Printer`](crate::Printer); only `dispatch` knows which command is where.
+//! The state that the commands change is in modules that do not depend on them.
 
 mod accelerometer;
 mod answer;

@@ -23,8 +23,8 @@ use crate::heat::report::HeatFault;
 use crate::job::tower::TowerRefusal;
 use crate::motion::fault::{MotionError, MotionFault};
 
-/// Reason why a command was not executed. It has had no effect then; a command that was stopped on its way
-/// ([`CommandError::Stopped`]) leaves the machine at the position that it reports.
+/// Reason why a command was not executed. It has had no effect then; a command that was stopped on
+/// its way ([`CommandError::Stopped`]) leaves the machine at the position that it reports.
 // R4.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,8 +92,8 @@ pub enum CommandError {
     HomingDisagrees {
         /// Index of the axis.
         axis: usize,
-        /// Distance of the second place from the first, up the axis, units of 10 nm; `None`: the second approach did
-        /// not meet the sensor.
+        /// Distance of the second place from the first, up the axis, units of 10 nm; `None`: the
+        /// second approach did not meet the sensor.
         apart_10nm: Option<i64>,
         /// Maximum distance, units of 10 nm.
         agree_10nm: i64,
@@ -110,7 +110,8 @@ pub enum CommandError {
     },
     /// M303 while the nozzle has a target, or a print is paused.
     TunesNoPrint,
-    /// An autotune has failed, or the command is for the other kind of control: which, and the cure.
+    /// An autotune has failed, or the command is for the other kind of control:
+    /// which, and the cure.
     HeaterControl(&'static str),
     /// M290 has shifted Z, and a prepared job brings its own heights.
     Shifted {
@@ -128,7 +129,8 @@ pub enum CommandError {
         /// Index of the axis.
         axis: usize,
     },
-    /// M92 has set other steps of the extruder than the profile's, with which a prepared job is planned.
+    /// M92 has set other steps of the extruder than the profile's, with which a
+    /// prepared job is planned.
     StepsAndJob,
     /// Z cannot follow the bed.
     Mesh(MeshError),
@@ -178,7 +180,8 @@ pub enum CommandError {
         /// The fault of the setting.
         error: SettingsError,
     },
-    /// This board lacks a part that the command needs: `heaters`, `thermometers`, `end stops`, `fan`, `black box`.
+    /// This board lacks a part that the command needs: `heaters`, `thermometers`, `end stops`,
+    /// `fan`, `black box`.
     NotEquipped(&'static str),
     /// The accelerometer gives no samples.
     Accelerometer(AccelerometerFault),
@@ -217,9 +220,11 @@ pub enum CommandError {
     OtherModel(&'static str),
     /// A tool that does not exist.
     InvalidTool(u32),
-    /// A machine with several tools cannot select one of them, or the command is for another: the reason.
+    /// A machine with several tools cannot select one of them, or the command is for
+    /// another: the reason.
     Tool(&'static str),
-    /// M112 or a heater fault has halted the machine, during this command or before; only M999 ends that.
+    /// M112 or a heater fault has halted the machine, during this command or before;
+    /// only M999 ends that.
     Halted,
     /// M999 does not end this heater fault.
     NeedsReset(HeatFault),
@@ -255,8 +260,8 @@ impl CommandError {
         matches!(self, Self::Stopped | Self::Halted | Self::NeedsReset(_) | Self::MotionFault(_))
     }
 
-    /// Returns true if a person can mend the reason beside the line, so that the line is worth a second try: by heat,
-    /// homing, power or the limits.
+    /// Returns true if a person can mend the reason beside the line, so that the line is worth a
+    /// second try: by heat, homing, power or the limits.
     pub(crate) const fn is_mendable(&self) -> bool {
         self.fails_homing()
             || matches!(
@@ -290,7 +295,8 @@ impl CommandError {
         )
     }
 
-    /// The error for a prepared job that continues at one position while the machine is at another; units of 10 nm.
+    /// The error for a prepared job that continues at one position while the machine is at
+    /// another; units of 10 nm.
     pub(crate) fn other_place(job_10nm: [i64; 3], machine_10nm: [i64; 3]) -> Self {
         // Positions of a hostile job may be beyond any range.
         let shown = |length_10nm: i64| length_10nm.clamp(i32::MIN.into(), i32::MAX.into()) as i32;

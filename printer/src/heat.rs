@@ -1,7 +1,8 @@
-//! Heater control: thermometers, one loop a heater, by PID or by its model, and the checks that switch everything off.
+//! Heater control: thermometers, one loop a heater, by PID or by its model, and the checks that
+//! switch everything off.
 //!
-//! A hundred times a second [`HeatControl::update`] reads every thermometer, lets [`safety`] look at every heater, and
-//! sets the power of every heater and fan. Nothing else sets one.
+//! A hundred times a second [`HeatControl::update`] reads every thermometer, lets [`safety`] look
+//! at every heater, and sets the power of every heater and fan. Nothing else sets one.
 
 mod channel;
 pub(crate) mod control;

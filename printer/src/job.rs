@@ -1,4 +1,5 @@
-//! A print's course: the state of the job at hand from line to line, and the parts that pause, change or end it.
+//! A print's course: the state of the job at hand from line to line, and the parts that pause,
+//! change or end it.
 
 pub(crate) mod button;
 pub(crate) mod card;

@@ -1,7 +1,7 @@
 //! The machine that executes commands: modal state, moves, homing, heat, reports.
 //!
-//! Generic over its surroundings (see [`ports`]); it knows neither registers nor tasks. Commands are
-//! asynchronous: a wait is an await, and every wait ends when it is cancelled ([`Signals`]).
+//! Generic over its surroundings (see [`ports`]); it knows neither registers nor tasks. Commands
+//! are asynchronous: a wait is an await, and every wait ends when it is cancelled ([`Signals`]).
 #![cfg_attr(not(test), no_std)]
 
 mod commands;

@@ -1,6 +1,7 @@
 //! Motion: from the words of a move to the step queue.
 //!
-//! `interpreter` and `modal` know what the G-code means, `homing` where the machine is; [`machine`] drives planner and queue.
+//! `interpreter` and `modal` know what the G-code means, `homing` where the machine is; [`machine`]
+//! drives planner and queue.
 
 mod arc;
 pub(crate) mod axis_names;

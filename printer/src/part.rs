@@ -8,8 +8,9 @@ pub trait Part: Copy + Debug + PartialEq + 'static {
     /// True if it has the part.
     const PRESENT: bool;
 
-    /// A command's future on a machine with the part; on another one a future that never ends, without the command's
-    /// code: every future that may be awaited is compiled even where none begins it.
+    /// A command's future on a machine with the part; on another one a future that never
+    /// ends, without the command's code: every future that may be awaited is compiled even
+    /// where none begins it.
     type Only<F: Future>: Future<Output = F::Output>;
 
     /// The future that `begin` makes, on a machine with the part.

@@ -32,13 +32,14 @@ pub(crate) type Text = heapless::String<384>;
 
 /// The planner and the motors, seen from the command side.
 pub trait Motion {
-    /// True if the filament that the extruder pushes can be watched ([`crate::machine::Machine::pushed_filament`]).
+    /// True if the filament that the extruder pushes can be watched
+    /// ([`crate::machine::Machine::pushed_filament`]).
     const FOLLOWS_FILAMENT: bool = true;
 
     /// Constant of [`ferrostep_hal_shim::MotionWatch::HAS_FILAMENT_SWITCH`].
     const HAS_FILAMENT_SWITCH: bool = true;
-    /// Begins a command: any stop from now on ends its waits. Returns true if motion was stopped since the last
-    /// command began, by anything but [`Self::stop`].
+    /// Begins a command: any stop from now on ends its waits. Returns true if motion was stopped
+    /// since the last command began, by anything but [`Self::stop`].
     fn begin_command(&mut self) -> bool {
         false
     }
@@ -46,7 +47,8 @@ pub trait Motion {
     fn stops(&self) -> u32 {
         0
     }
-    /// Sets whether [`Self::wait_for_room_in_time`] waits at all ([`crate::machine::Machine::set_bounded_in_time`]).
+    /// Sets whether [`Self::wait_for_room_in_time`] waits at all
+    /// ([`crate::machine::Machine::set_bounded_in_time`]).
     fn set_bounded_in_time(&mut self, _is_bounded: bool) {}
     /// Queues motion; waits for room.
     fn add(&mut self, request: impl Request) -> impl Future<Output = Result<Moved, MotionError>>;
@@ -61,19 +63,21 @@ pub trait Motion {
     }
     /// Changes a fan with the motion queued so far; waits for room.
     fn set_fan_power(&mut self, fan: FanOutput, power: u8) -> impl Future<Output = Result<(), MotionError>>;
-    /// Sets the pressure advance from the motion queued so far on; waits for room. `false`, and the advance is
-    /// unchanged: it needs a standstill and [`Self::set_motion_choice`].
+    /// Sets the pressure advance from the motion queued so far on; waits for room. `false`, and the
+    /// advance is unchanged: it needs a standstill and [`Self::set_motion_choice`].
     fn set_pressure_advance(&mut self, advance: &PressureAdvance) -> impl Future<Output = Result<bool, MotionError>>;
-    /// Watches until the motors have passed the beginning of a line: all moves of the lines before it have ended then.
+    /// Watches until the motors have passed the beginning of a line: all moves of the lines before
+    /// it have ended then.
     fn watch_line(&mut self, _line: u32) {}
     /// Returns true if the motors have passed it; at most one later move late.
     fn has_passed_line(&self) -> bool {
         true
     }
-    /// Waits until all queued motion has ended. It is also an error if the plan of a prepared job's last block cannot
-    /// be followed.
+    /// Waits until all queued motion has ended. It is also an error if the plan of a prepared job's
+    /// last block cannot be followed.
     fn finish(&mut self) -> impl Future<Output = Result<(), MotionError>>;
-    /// The moves to come, until the position is set, are part of homing: a print's motion time leaves them out.
+    /// The moves to come, until the position is set, are part of homing: a print's motion time
+    /// leaves them out.
     fn begin_homing(&mut self) {}
     /// Runs a move at standstill until the end stop of `axis` triggers or the move ends.
     fn seek(&mut self, request: Move, axis: usize) -> impl Future<Output = Result<HomingOutcome, MotionError>>;
@@ -107,7 +111,8 @@ pub trait Motion {
     type Bed: Bed;
     /// True if Z can follow the bed.
     const HAS_BED: bool = Self::Bed::PRESENT;
-    /// Looks at the measured mesh of the bed, or changes it while Z does not follow it; `None` without memory for one.
+    /// Looks at the measured mesh of the bed, or changes it while Z does not follow it; `None`
+    /// without memory for one.
     fn mesh<T>(&mut self, _act: impl FnOnce(&mut Mesh) -> T) -> Option<T> {
         None
     }
@@ -128,12 +133,13 @@ pub trait Motion {
     }
     /// Several motors that lift Z and are aligned, or not: the code for that is compiled only then.
     type ZMotors: Part;
-    /// Selects the motors of Z that make the next steps ([`crate::machine::Machine::step_z_motors`]).
+    /// Selects the motors of Z that make the next steps
+    /// ([`crate::machine::Machine::step_z_motors`]).
     fn step_z_motors(&mut self, _motors: u8) {}
     /// Several tools, one of them selected, or not: the code for that is compiled only then.
     type Tools: Part;
-    /// Selects the extruder that makes the next steps, by its tool, whose nozzle has this offset from the first's
-    /// ([`crate::machine::Machine::step_extruder`]).
+    /// Selects the extruder that makes the next steps, by its tool, whose nozzle has this offset
+    /// from the first's ([`crate::machine::Machine::step_extruder`]).
     fn step_extruder(&mut self, _tool: u8, _offset_10nm: [i32; 2]) {}
     /// Play of the drives that is taken up, or none: the code for that is compiled only then.
     type Backlash: Part;
@@ -143,12 +149,13 @@ pub trait Motion {
     }
     /// Sets the play of the drives, at standstill.
     fn set_backlash(&mut self, _backlash: &Backlash) {}
-    /// A signal that says that the supply fails, or none: the code that keeps a print then is compiled only where there is one.
+    /// A signal that says that the supply fails, or none: the code that keeps a print then is
+    /// compiled only where there is one.
     type SupplySignal: Part;
     /// Switches the motors of the axes in the mask on or off.
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool);
-    /// Returns true if [`crate::machine::Machine::rest`] has switched the motors off since the last call: they may
-    /// have been turned since.
+    /// Returns true if [`crate::machine::Machine::rest`] has switched the motors off since the last
+    /// call: they may have been turned since.
     fn take_switched_off(&mut self) -> bool {
         false
     }
@@ -158,8 +165,8 @@ pub trait Motion {
     }
     /// Returns true if the end stop of an axis is triggered.
     fn is_end_stop_triggered(&self, axis: usize) -> bool;
-    /// Stops at once and forgets all queued motion; the position is then that of the motors. Returns the filament
-    /// that was queued and not pushed, units of 0.1 nm.
+    /// Stops at once and forgets all queued motion; the position is then that of the motors.
+    /// Returns the filament that was queued and not pushed, units of 0.1 nm.
     fn stop(&mut self) -> i64;
     /// Takes the filament that stops of others have left unpushed, units of 0.1 nm.
     fn take_dropped_100pm(&mut self) -> i64 {
@@ -186,8 +193,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Ports for (M
     type Replies = R;
 }
 
-/// The usable parts of a board. Commands for the others are refused by name: a heater must not seem hot, nor an axis homed, when
-/// it is not.
+/// The usable parts of a board. Commands for the others are refused by name: a heater must not seem
+/// hot, nor an axis homed, when it is not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Equipment {
     /// Heaters with their thermometers.
@@ -263,7 +270,8 @@ pub trait Heating {
     }
     /// [`crate::Present`] if the power supply may be switched.
     type Supply: Part;
-    /// True if the machine may have outputs other than fans ([`crate::heat::fans::FanRule::Output`]).
+    /// True if the machine may have outputs other than fans
+    /// ([`crate::heat::fans::FanRule::Output`]).
     const HAS_OUTPUTS: bool = true;
     /// Switches the power supply; off switches all heaters off as well.
     fn set_supply(&mut self, _on: bool) {}
@@ -292,11 +300,11 @@ pub trait Timing: core::fmt::Debug {
     fn figures(&self) -> [TimingFigures; 3];
 }
 
-/// Motor drivers that can be set; machines may have none. Motors are X (A), Y (B), Z and E, 0 to 3, then the further ones of Z, whose
-/// settings are those of Z.
+/// Motor drivers that can be set; machines may have none. Motors are X (A), Y (B), Z and E, 0 to 3,
+/// then the further ones of Z, whose settings are those of Z.
 pub trait MotorDrivers: core::fmt::Debug {
-    /// State of a driver: it has confirmed its settings, or has failed; `None` for a motor whose driver cannot be
-    /// set.
+    /// State of a driver: it has confirmed its settings, or has failed; `None` for a motor whose
+    /// driver cannot be set.
     fn state(&self, motor: usize) -> Option<DriverState>;
     /// A driver's report.
     fn report(&self, motor: usize) -> Option<DriverReport>;
@@ -310,11 +318,13 @@ pub trait MotorDrivers: core::fmt::Debug {
     /// # Errors
     /// The driver does not have this setting, and keeps the old ones.
     fn set(&self, motor: usize, settings: DriverSettings) -> Result<(), SettingsError>;
-    /// Takes the mask of the motors (0 to 3, Z's as one) that may not be where their steps say since the last call.
+    /// Takes the mask of the motors (0 to 3, Z's as one) that may not be where their steps say
+    /// since the last call.
     fn take_moved(&self) -> u8;
 }
 
-/// A memory that keeps settings without power ([`ferrostep_settings::Store`]). Machines may do without.
+/// A memory that keeps settings without power ([`ferrostep_settings::Store`]).
+/// Machines may do without.
 pub trait SettingsMemory: core::fmt::Debug {
     /// The newest record; `None` if the memory is empty.
     ///
@@ -342,8 +352,8 @@ pub trait Replies {
         self.send(Reply::Text(&text));
     }
 
-    /// Takes a remark on a line, whose words are ignored, changed or without effect; `new` is the part that was not reported in
-    /// this job before.
+    /// Takes a remark on a line, whose words are ignored, changed or without effect; `new` is the
+    /// part that was not reported in this job before.
     fn remark(&self, line: u32, text: &str, _remarks: &Remarks, new: &Remarks) {
         if !new.is_empty() {
             let text = ShortText::new(text);

@@ -31,10 +31,11 @@ pub(crate) enum Answer {
     Given,
 }
 
-/// Handling of the commands that need a settings memory. An image whose board has no memory does not contain their
-/// code.
+/// Handling of the commands that need a settings memory. An image whose board has no memory does
+/// not contain their code.
 pub(crate) trait KeepsSettings<P: Ports> {
-    /// Executes M500, M501 and M504; `None`: the start. Returns the choice of motion that is still to be set.
+    /// Executes M500, M501 and M504; `None`: the start. Returns the choice of motion that is
+    /// still to be set.
     fn keep(&self, printer: &mut Printer<'_, P>, command: Option<SettingsCommand>) -> Option<MotionChoice>;
 
     /// Stores the machine's statistics, and leaves the stored settings.
@@ -71,8 +72,8 @@ impl<P: Ports> Fitted<'_, P> {
 
 /// Executes commands on the machine's parts, and answers each line.
 ///
-/// The commands are in modules by their subject (`moves`, `temperatures`, `settings`, ...); only `dispatch` knows which command
-/// is where.
+/// The commands are in modules by their subject (`moves`, `temperatures`, `settings`, ...); only
+/// `dispatch` knows which command is where.
 pub struct Printer<'a, P: Ports> {
     pub(crate) profile: &'a Profile,
     pub(crate) motion: P::Motion,
@@ -116,7 +117,8 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
 }
 
 impl<'a, P: Ports> Printer<'a, P> {
-    /// Version of the firmware as M115 reports it, `0.1.0 (commit abcdef0)`; without this it has no commit.
+    /// Version of the firmware as M115 reports it, `0.1.0 (commit abcdef0)`; without this
+    /// it has no commit.
     pub fn set_version(&mut self, version: &'a str) {
         self.identity.version = version;
     }
@@ -141,8 +143,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.fitted.timing = Some(timing);
     }
 
-    /// Sets the motors' drivers, for M122, M569, M906, M913, M914; no motor moves before all have confirmed their
-    /// settings.
+    /// Sets the motors' drivers, for M122, M569, M906, M913, M914; no motor moves before all have
+    /// confirmed their settings.
     pub fn set_drivers(&mut self, drivers: &'a dyn MotorDrivers) {
         self.fitted.drivers = Some(drivers);
     }

@@ -5,7 +5,8 @@ use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, AtomicU32, Ordering};
 use crate::job::paused::PauseAnswer;
 use crate::settings::profile::heaters::DEFAULT_HEATER_TIMEOUT_S;
 
-/// Flags between the command side and the interrupts and tasks that act on bytes as they arrive, or on time.
+/// Flags between the command side and the interrupts and tasks that act on bytes as they
+/// arrive, or on time.
 #[derive(Debug, Default)]
 pub struct Signals {
     end_wait: AtomicBool,
@@ -87,7 +88,8 @@ impl Signals {
         self.prompt_answer.store(button, Ordering::Release);
     }
 
-    /// Takes a person's answer since the last call, by M108 or a button; buttons that no prompt has are ignored.
+    /// Takes a person's answer since the last call, by M108 or a button; buttons that no prompt
+    /// has are ignored.
     pub(crate) fn take_answer(&self) -> Option<PauseAnswer> {
         let (button, ends) = (self.prompt_answer.swap(NO_BUTTON, Ordering::AcqRel), self.take_end_wait());
         match button {
@@ -134,13 +136,14 @@ impl Signals {
         self.heater_timeout_s.store(seconds, Ordering::Relaxed);
     }
 
-    /// A host has sent a line, or a frame of a prepared job. To be called from any priority: the receiving interrupt calls it,
-    /// because a line may have to wait its turn.
+    /// A host has sent a line, or a frame of a prepared job. To be called from any priority: the
+    /// receiving interrupt calls it, because a line may have to wait its turn.
     pub fn note_host(&self) {
         self.host_spoke.store(true, Ordering::Release);
     }
 
-    /// Notes that the command at hand continues by itself: heaters count as used, as if a host had spoken.
+    /// Notes that the command at hand continues by itself: heaters count as used, as if a
+    /// host had spoken.
     pub(crate) fn note_use(&self) {
         self.note_host();
     }
@@ -192,13 +195,14 @@ impl Signals {
         has_failed
     }
 
-    /// Returns true if the filament sensor sees no filament, or none that moves; `false` without a sensor.
+    /// Returns true if the filament sensor sees no filament, or none that moves; `false`
+    /// without a sensor.
     pub fn is_filament_missing(&self) -> bool {
         self.filament_missing.load(Ordering::Relaxed)
     }
 
-    /// Returns true if the switch beside a sensor that sees filament move reports missing filament; `false` without
-    /// such a switch.
+    /// Returns true if the switch beside a sensor that sees filament move reports missing filament;
+    /// `false` without such a switch.
     pub fn is_filament_out(&self) -> bool {
         self.switch_missing.load(Ordering::Relaxed)
     }
@@ -221,8 +225,8 @@ impl Signals {
         self.filament_missing.store(is_missing, Ordering::Relaxed);
     }
 
-    /// Length of new filament that may be pushed without a sign of the encoder before it counts as missing, units of
-    /// 10 nm (M412 D).
+    /// Length of new filament that may be pushed without a sign of the encoder before it counts as
+    /// missing, units of 10 nm (M412 D).
     pub(crate) fn filament_detection_10nm(&self) -> u32 {
         self.filament_detection_10nm.load(Ordering::Relaxed)
     }
@@ -233,7 +237,8 @@ impl Signals {
 
     /// Restarts the count of filament pushed without a sign of the encoder.
     pub(crate) fn count_filament_anew(&self) {
-        // In this order: whatever the encoder's watch does in between, filament is not missing afterwards.
+        // In this order: whatever the encoder's watch does in between, filament is not
+        // missing afterwards.
         self.filament_counts_anew.store(true, Ordering::Release);
         self.set_filament_missing(false);
     }
@@ -264,8 +269,8 @@ impl Signals {
         self.card_size.store(size, Ordering::Relaxed);
     }
 
-    /// M112, or a heater fault: every wait ends and every command is refused until M999. The caller must switch heaters off and
-    /// stop the motors.
+    /// M112, or a heater fault: every wait ends and every command is refused until M999. The caller
+    /// must switch heaters off and stop the motors.
     pub fn halt(&self) {
         self.halted.store(true, Ordering::Release);
     }
@@ -280,7 +285,8 @@ impl Signals {
         self.halted.store(false, Ordering::Release);
     }
 
-    /// Seconds between temperature reports (M155); 0 = off, and while a wait for heat prints its own.
+    /// Seconds between temperature reports (M155); 0 = off, and while a wait for
+    /// heat prints its own.
     pub fn report_interval_s(&self) -> u8 {
         if self.is_waiting_for_heat() { 0 } else { self.report_interval_s.load(Ordering::Relaxed) }
     }

@@ -38,7 +38,8 @@ def commands(text):
         line = re.sub(r"\s+", " ", line)
         if not line: continue
         word = line.split(" ")[0].upper()
-        if re.fullmatch(r"G0*[23]", word): continue # an arc, which begins where the move before it ends
+        # An arc, which begins where the move before it ends.
+        if re.fullmatch(r"G0*[23]", word): continue
         if re.fullmatch(r"G0*[01]", word): # a move: only what it names
             if not re.search(r"[XYZEF]", line.upper()[2:]) or re.search(r"[XYZEF](?![-+.\d])", line.upper()): found.add(line)
             continue

@@ -19,7 +19,8 @@ import yaml
 PATIENCE_S = 240
 # Another program may take the port before OctoPrint does; so many ports are tried.
 PORTS = 5
-# Outside a print OctoPrint numbers no line, so what a bad line takes from a command is never sent again, and it is asked once more.
+# Outside a print OctoPrint numbers no line, so what a bad line takes from a command is never sent
+# again, and it is asked once more.
 ASKS_AGAIN_AFTER_S = 10
 # So often a person tries to connect.
 TRIES = 5
@@ -33,8 +34,9 @@ def free_port():
         return probe.getsockname()[1]
 
 
-# A line, or its answer, that was lost is asked for a second after this, s. OctoPrint's own 30 s would be half an hour for the lost lines
-# of a print; and after a second the served printer's time goes on, for which it has 2 s of motion at hand.
+# A line, or its answer, that was lost is asked for a second after this, s. OctoPrint's own 30 s
+# would be half an hour for the lost lines of a print; and after a second the served printer's time
+# goes on, for which it has 2 s of motion at hand.
 REPORTS_EVERY_S = 1
 
 

@@ -3,7 +3,8 @@
 import base64
 import os
 
-# What a picture looks like: the share of saturated pixels, the middle of their box, and how many hues there are.
+# What a picture looks like: the share of saturated pixels, the middle of their box, and how
+# many hues there are.
 LOOK = """async (picture) => {
   const image = new Image();
   image.src = 'data:image/png;base64,' + picture;

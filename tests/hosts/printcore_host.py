@@ -19,13 +19,15 @@ PATIENCE_S = 120
 REMARK = "(said once a job)"
 # Lines of the file after which the person acts: in a whole cube homed, hot, in the first layers.
 ACTS_AT = int(sys.argv[4]) if len(sys.argv) > 4 else 1500
-# So long without a word from the printer while an answer is due, and the host asks. printcore itself waits for ever; Pronterface,
-# which polls temperatures, goes on after its own while. A host that asks too soon gets one answer too many, and from then on has a
-# line more under way, which printcore's way of sending again does not bear.
+# So long without a word from the printer while an answer is due, and the host asks. printcore
+# itself waits for ever; Pronterface, which polls temperatures, goes on after its own while. A host
+# that asks too soon gets one answer too many, and from then on has a line more under way, which
+# printcore's way of sending again does not bear.
 ASKS_AFTER_S = 0.5
 # What the printer says for the host to know how far it is.
 MARK = "as far as here"
-# Outside a print printcore numbers no line, so what a bad line takes from a command is never sent again, and the host asks once more.
+# Outside a print printcore numbers no line, so what a bad line takes from a command is never sent
+# again, and the host asks once more.
 ASKS_AGAIN_AFTER_S = 5
 # What printcore does without a word from the printer (its own counters) is looked at this often, s.
 LOOKS_EVERY_S = 0.01

@@ -1,5 +1,5 @@
-//! The whole machine at work: the `ferrostep` command and its library, compared with the independent reference
-//! (`ferrostep-oracle`).
+//! The whole machine at work: the `ferrostep` command and its library, compared with the
+//! independent reference (`ferrostep-oracle`).
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod accelerations;

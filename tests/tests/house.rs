@@ -1,4 +1,5 @@
-//! The house: which folder uses which, which file imports which, and nothing that manifests switch off without a word.
+//! The house: which folder uses which, which file imports which, and nothing that manifests switch
+//! off without a word.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod imports;
@@ -40,7 +41,8 @@ fn sources(folder: &Path, found: &mut Vec<(PathBuf, String)>) {
     }
 }
 
-/// Returns true if the documentation has an example that rustdoc would compile: a fence without a word, or of Rust.
+/// Returns true if the documentation has an example that rustdoc would compile: a fence without a
+/// word, or of Rust.
 fn has_example(text: &str) -> bool {
     let mut is_within = false;
     text.lines().filter_map(|line| line.trim_start().strip_prefix("//")?.strip_prefix(['/', '!'])).any(|line| {
@@ -83,7 +85,8 @@ fn faults(package: &Path) -> Vec<String> {
     faults
 }
 
-/// Folders of the top level that packages of a folder may use, beside their own. `tests` and `xtask` may use all.
+/// Folders of the top level that packages of a folder may use, beside their own. `tests` and
+/// `xtask` may use all.
 const USES: [(&str, &[&str]); 7] = [
     ("planner", &[]),
     ("hal-shim", &["planner"]),
@@ -106,7 +109,8 @@ const AGAINST_THE_RULE: [(&str, &str); 8] = [
     ("papers", "printer/gpre"),
 ];
 
-/// The folders of Ferrostep's packages that a package's library or build script uses, by the workspace's names.
+/// The folders of Ferrostep's packages that a package's library or build script uses, by the
+/// workspace's names.
 fn used(package: &Path, of_workspace: &Table) -> Vec<PathBuf> {
     let manifest: Table = fs::read_to_string(package.join("Cargo.toml")).unwrap().parse().unwrap();
     let tables =

@@ -1,5 +1,5 @@
-//! The whole machine at work, with Rust and a C compiler alone: one program, since each takes long to link. What needs programs
-//! from outside is in `tests/outside`.
+//! The whole machine at work, with Rust and a C compiler alone: one program, since each takes long
+//! to link. What needs programs from outside is in `tests/outside`.
 
 mod bed;
 mod card;

@@ -1,5 +1,6 @@
-//! The firmware's parts on the model of the board when the host, the executor or the planner cannot keep up, and when
-//! motion is stopped at any moment. Counts and positions decide, never the time a test takes.
+//! The firmware's parts on the model of the board when the host, the executor or the planner
+//! cannot keep up, and when motion is stopped at any moment. Counts and positions decide, never
+//! the time a test takes.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod hangs;

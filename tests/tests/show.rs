@@ -1,4 +1,5 @@
-//! The page of `ferrostep show`: its values against the steps, and bad input. A browser loads it in `tests/outside`.
+//! The page of `ferrostep show`: its values against the steps, and bad input. A browser loads it in
+//! `tests/outside`.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod comparisons;

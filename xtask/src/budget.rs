@@ -1,6 +1,8 @@
-//! Costs of the steps of `ci`, compared with those of an earlier run, so that a check that grows by a third is noticed.
+//! Costs of the steps of `ci`, compared with those of an earlier run, so that a check that grows by
+//! a third is noticed.
 //!
-//! A cost is the core-seconds of a step's programs divided by those of a fixed loop on the same computer ([`crate::cost`]).
+//! A cost is the core-seconds of a step's programs divided by those of a fixed loop on the same
+//! computer ([`crate::cost`]).
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;

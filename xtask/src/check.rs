@@ -1,4 +1,5 @@
-//! The check of a change ([`test`]) and of everything ([`everything`]): the tiers above `cargo test`.
+//! The check of a change ([`test`]) and of everything ([`everything`]): the tiers
+//! above `cargo test`.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -49,7 +50,8 @@ pub fn test(run: &mut Run, options: &Options) -> Result<(), Failure> {
     tested(run, options).map(|_| ())
 }
 
-/// Checks everything, and compares the steps' costs with those of an earlier run, or keeps them for later ones.
+/// Checks everything, and compares the steps' costs with those of an earlier run, or keeps
+/// them for later ones.
 ///
 /// # Errors
 /// The first check that fails.
@@ -196,8 +198,8 @@ fn bench_image(workbench: &Workbench) -> Result<PathBuf, Failure> {
     Ok(PathBuf::from(image))
 }
 
-/// Checks that take too long for every change: the tests on released code, with more and new random cases, and a part
-/// of the mutants, which show gaps in the tests.
+/// Checks that take too long for every change: the tests on released code, with more and new random
+/// cases, and a part of the mutants, which show gaps in the tests.
 fn slow(run: &mut Run, workbench: &Workbench) -> Result<(), Failure> {
     policy::check(run)?;
     run.step("counts of the desk", || workbench.check(["bench", "--check", "--only", "desk"]))?;

@@ -1,7 +1,8 @@
 //! Processor time of the programs that a step runs.
 //!
-//! A step's seconds depend on the computer's other work. The seconds that its programs spend on a core depend on it
-//! much less, and divided by those of a fixed loop, [`calibration_s`], they hardly depend on the computer.
+//! A step's seconds depend on the computer's other work. The seconds that its programs spend on a
+//! core depend on it much less, and divided by those of a fixed loop, [`calibration_s`], they
+//! hardly depend on the computer.
 
 use std::cell::Cell;
 use std::process::{Child, ExitStatus};
@@ -40,8 +41,8 @@ pub fn wait(mut child: Child) -> std::io::Result<ExitStatus> {
     child.wait()
 }
 
-/// Core-seconds in a line of `/proc/PID/stat`: of the program (utime, stime) and its ended children (cutime, cstime), in hundredths
-/// of a second (proc(5), fields 14 to 17).
+/// Core-seconds in a line of `/proc/PID/stat`: of the program (utime, stime) and its ended children
+/// (cutime, cstime), in hundredths of a second (proc(5), fields 14 to 17).
 fn core_seconds(stat: &str) -> Option<f64> {
     // Field 2 is the program's name in brackets, which may contain blanks.
     let (_, after_name) = stat.rsplit_once(')')?;
@@ -50,7 +51,8 @@ fn core_seconds(stat: &str) -> Option<f64> {
     (times.len() == 4).then(|| times.iter().sum::<u64>() as f64 / 100.0)
 }
 
-/// Core-seconds of a fixed piece of arithmetic on this computer: the unit in which a step's cost is kept.
+/// Core-seconds of a fixed piece of arithmetic on this computer: the unit in which a
+/// step's cost is kept.
 pub fn calibration_s() -> f64 {
     let start = own_s();
     let mut value = 1_u64;

@@ -1,4 +1,5 @@
-//! The generated parts of the book's pages: a task writes the text between two marks, a person the rest.
+//! The generated parts of the book's pages: a task writes the text between two marks, a
+//! person the rest.
 
 use std::path::PathBuf;
 

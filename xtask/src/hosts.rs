@@ -1,5 +1,5 @@
-//! Hosts for the tests, in a separate Python environment: OctoPrint, printcore, and Playwright, which drives a browser,
-//! from PyPI.
+//! Hosts for the tests, in a separate Python environment: OctoPrint, printcore, and Playwright,
+//! which drives a browser, from PyPI.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

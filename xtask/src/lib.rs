@@ -1,8 +1,8 @@
 //! Build, test, bench, flash: the same commands for CI and for a person.
 //!
-//! Each command is a list of steps that run one after the other; the first that fails ends the run. Commands that need
-//! Ferrostep's own crates are in a separate program, the [`workbench`], which uses this library for steps and for other
-//! programs.
+//! Each command is a list of steps that run one after the other; the first that fails ends the run.
+//! Commands that need Ferrostep's own crates are in a separate program, the [`workbench`], which
+//! uses this library for steps and for other programs.
 #![forbid(unsafe_code)]
 
 pub mod budget;
@@ -30,8 +30,8 @@ pub const FIRMWARE_VARIABLE: &str = "FERROSTEP_FIRMWARE";
 /// Environment variable that tells the tests where the hosts are.
 pub const HOSTS_VARIABLE: &str = "FERROSTEP_HOSTS";
 
-/// All packages but those that only the board's processor can build, and the log's, which uses shared packages with
-/// other features.
+/// All packages but those that only the board's processor can build, and the log's, which uses
+/// shared packages with other features.
 pub const DESK: [&str; 13] = [
     "--workspace",
     "--exclude",

@@ -20,10 +20,12 @@ struct Arguments {
 /// The tasks that need none of Ferrostep's crates.
 #[derive(Clone, Subcommand)]
 enum Task {
-    /// Check a change: install what is missing, then format, lints, images, counts and all tests, of long sweeps a share
+    /// Check a change: install what is missing, then format, lints, images, counts and all tests,
+    /// of long sweeps a share
     Test(check::Options),
-    /// Check everything: `test` with all of each sweep, then spelling, licences and sources of dependencies, documentation, the desk's
-    /// tests as released code with more and other random cases, and a part of the mutants
+    /// Check everything: `test` with all of each sweep, then spelling, licences and sources of
+    /// dependencies, documentation, the desk's tests as released code with more and other random
+    /// cases, and a part of the mutants
     Ci {
         /// Makes the steps' costs of this run those that later runs are held against
         #[arg(long)]
@@ -33,8 +35,8 @@ enum Task {
     Tools,
     /// Print the commit's share of long sweeps, as tests want it in FERROSTEP_SHARE
     Share,
-    /// Install the hosts that tests print with (OctoPrint, printcore) into a Python environment; its folder is the first line of
-    /// the output
+    /// Install the hosts that tests print with (OctoPrint, printcore) into a Python environment;
+    /// its folder is the first line of the output
     Hosts,
     /// Check how comments and pages are worded: the known faults of each file may only become fewer
     Prose {

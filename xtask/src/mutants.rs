@@ -1,4 +1,5 @@
-//! Mutants: the code with one small mistake each. The book's page lists the survivors, which no test notices.
+//! Mutants: the code with one small mistake each. The book's page lists the survivors, which
+//! no test notices.
 
 mod page;
 mod tried;
@@ -16,8 +17,8 @@ use tried::Files;
 /// Number of parts of all mutants; each run of `ci` tries one part, about an hour.
 const CI_SHARDS: u64 = 16;
 
-/// Folder in which cargo-mutants builds and reports. It is not in the folder of other builds: its own is a copy of the
-/// sources with another path.
+/// Folder in which cargo-mutants builds and reports. It is not in the folder of other builds: its
+/// own is a copy of the sources with another path.
 const BUILD: &str = "mutants";
 
 /// The configuration that lists the mutants.
@@ -31,7 +32,8 @@ pub struct Options {
     /// Tries one part of them: 3/16 is the fourth of 16, numbered from 0
     #[arg(long, conflicts_with = "refresh")]
     shard: Option<String>,
-    /// Writes the survivors in the tried files to the book's page, instead of comparing them with it
+    /// Writes the survivors in the tried files to the book's page, instead of
+    /// comparing them with it
     #[arg(long)]
     refresh: bool,
 }
@@ -78,7 +80,8 @@ fn try_all(options: &Options) -> Result<Files, Failure> {
     files(&report)
 }
 
-/// Writes the configuration without its list of files, which cargo-mutants would add to those chosen; returns its path.
+/// Writes the configuration without its list of files, which cargo-mutants would add to those
+/// chosen; returns its path.
 fn config_without_files(folder: &Path) -> Result<PathBuf, Failure> {
     let text = std::fs::read_to_string(system::root().join(CONFIG)).map_err(|error| format!("{CONFIG}: {error}"))?;
     let path = folder.join("mutants.toml");
@@ -136,7 +139,8 @@ fn without_place(name: &str) -> &str {
     name.splitn(4, ':').last().unwrap_or(name).trim_start()
 }
 
-/// Compares the survivors with the page's; a new one is an error. `is_whole`: all mutants of the files were tried.
+/// Compares the survivors with the page's; a new one is an error. `is_whole`: all mutants of the
+/// files were tried.
 fn compare(page: &Files, tried: &Files, is_whole: bool) -> Result<(), Failure> {
     let mut new = Vec::new();
     let mut fewer = false;

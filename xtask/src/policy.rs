@@ -6,8 +6,9 @@ use crate::system::{self, cargo};
 /// The workspaces, by their folders from the root.
 const WORKSPACES: [&str; 2] = [".", "tests/fuzz"];
 
-/// Checks spelling by `typos.toml`, and all dependencies by `deny.toml`. It leaves known vulnerabilities
-/// out, since their list is on the network and changes daily; [`advisories`] reads it for a release.
+/// Checks spelling by `typos.toml`, and all dependencies by `deny.toml`. It leaves known
+/// vulnerabilities out, since their list is on the network and changes daily; [`advisories`] reads
+/// it for a release.
 ///
 /// # Errors
 /// A program cannot be installed, a word is misspelt, or a dependency breaks a rule.

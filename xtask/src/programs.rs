@@ -1,4 +1,5 @@
-//! Test programs: built by cargo at once, then run, those that depend on a change first, until one fails.
+//! Test programs: built by cargo at once, then run, those that depend on a change first,
+//! until one fails.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -38,7 +39,8 @@ impl Program {
         let is_test = message.pointer("/profile/test")?.as_bool()?;
         let path = PathBuf::from(message.get("executable")?.as_str()?);
         let folder = Path::new(message.get("manifest_path")?.as_str()?).parent()?.to_owned();
-        // path+file:///the/folder#name@version, or without the name where the folder is called the same.
+        // path+file:///the/folder#name@version, or without the name where the folder is
+        // called the same.
         let (place, name) = message.get("package_id")?.as_str()?.rsplit_once('#')?;
         let package = match name.split_once('@') {
             Some((name, _)) => name.to_owned(),
@@ -70,7 +72,8 @@ impl Program {
     }
 }
 
-/// Packages of the workspace that a change touches, and all that depend on them. Everything depends on the manifests at the root.
+/// Packages of the workspace that a change touches, and all that depend on them. Everything depends
+/// on the manifests at the root.
 ///
 /// # Errors
 /// Git or cargo does not answer.

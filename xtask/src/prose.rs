@@ -1,7 +1,8 @@
 //! Lint of the wording of comments and pages: the count of each file's known faults may only fall.
 //!
-//! A doc comment begins with a noun phrase or a verb that says what the item is or does, not with the fragment of a question
-//! ([`OPENERS`]), and neither comments nor pages have the turns of phrase in [`TICS`].
+//! A doc comment begins with a noun phrase or a verb that says what the item is or does, not with
+//! the fragment of a question ([`OPENERS`]), and neither comments nor pages have the turns of
+//! phrase in [`TICS`].
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

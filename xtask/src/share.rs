@@ -1,7 +1,8 @@
 //! The share of long sweeps and slow tests that a run tries.
 //!
-//! The number of commits chooses it, so that [`SHARES`] commits in a row, each with its run, try every case. A commit's hash would
-//! repeat shares: after twenty runs with hashes a third of all cases (0.95^20) would not have been tried yet.
+//! The number of commits chooses it, so that [`SHARES`] commits in a row, each with its run, try
+//! every case. A commit's hash would repeat shares: after twenty runs with hashes a third of all
+//! cases (0.95^20) would not have been tried yet.
 
 use std::fmt::{self, Display, Formatter};
 use std::process::Command;

@@ -39,8 +39,8 @@ impl Run {
         result
     }
 
-    /// Runs a step that takes all cores beside steps that leave some idle, and waits for both. If both fail, the step's
-    /// failure is returned.
+    /// Runs a step that takes all cores beside steps that leave some idle, and waits for both. If
+    /// both fail, the step's failure is returned.
     pub fn beside<T>(
         &mut self,
         name: &'static str,
@@ -60,8 +60,8 @@ impl Run {
     /// Prints a step's name.
     fn begin(&self, name: &str) -> Instant {
         let start = Instant::now();
-        // Standard error, where cargo's own messages go: one stream keeps them in order. A run that is ended from
-        // outside prints no summary.
+        // Standard error, where cargo's own messages go: one stream keeps them in order. A run that
+        // is ended from outside prints no summary.
         eprintln!("\n==> {name} (after {} min)", start.duration_since(self.began).as_secs() / 60);
         start
     }
@@ -75,7 +75,8 @@ impl Run {
         self.steps.iter().map(|step| (step.name, step.core_s))
     }
 
-    /// Prints the table of steps and turns the result into the process's exit code: 0, or 1 after a failure.
+    /// Prints the table of steps and turns the result into the process's exit code: 0, or 1
+    /// after a failure.
     pub fn finish(self, result: Result<(), Failure>) -> ExitCode {
         eprintln!("\ncargo xtask {}:\n           seconds  core-seconds", self.task);
         for step in &self.steps {

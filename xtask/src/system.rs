@@ -9,7 +9,8 @@ use crate::steps::Failure;
 
 /// The workspace's root folder.
 pub fn root() -> PathBuf {
-    // Cargo sets the variable for programs it runs, to the folder of their package; the built-in path is for a program run by hand.
+    // Cargo sets the variable for programs it runs, to the folder of their package; the built-in
+    // path is for a program run by hand.
     let own =
         std::env::var_os("CARGO_MANIFEST_DIR").map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")), PathBuf::from);
     own.ancestors().find(|folder| folder.join("Cargo.lock").is_file()).unwrap_or(&own).to_path_buf()
@@ -17,7 +18,8 @@ pub fn root() -> PathBuf {
 
 /// The folder cargo builds into.
 pub fn target_directory() -> PathBuf {
-    // A relative CARGO_TARGET_DIR is relative to where cargo runs, which is the root for every command here.
+    // A relative CARGO_TARGET_DIR is relative to where cargo runs, which is the root for
+    // every command here.
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |folder| root().join(folder))
 }
 
@@ -51,8 +53,8 @@ pub fn run(command: &mut Command) -> Result<(), Failure> {
 /// Maximum number of lines of failed tests that a failure repeats.
 const FAILED_TEST_LINES: usize = 60;
 
-/// Runs a command that tests, with its output shown; its failure repeats the output of the failed tests, which is far above
-/// the end of the whole output.
+/// Runs a command that tests, with its output shown; its failure repeats the output of the failed
+/// tests, which is far above the end of the whole output.
 pub fn run_tests(command: &mut Command) -> Result<(), Failure> {
     let shown = show(command);
     eprintln!("    {shown}");
@@ -90,7 +92,8 @@ impl FailedTests {
     }
 }
 
-/// Runs a command with its standard error shown and returns its standard output; fails without success.
+/// Runs a command with its standard error shown and returns its standard output; fails
+/// without success.
 pub fn run_for_output(command: &mut Command) -> Result<String, Failure> {
     let shown = show(command);
     eprintln!("    {shown}");
@@ -128,8 +131,8 @@ pub fn rustup_component(component: &str, subcommand: &str) -> Result<(), Failure
     Err(format!("`cargo {subcommand}` is missing and could not be added: {reason}"))
 }
 
-/// Makes a program of crates.io available as `cargo SUBCOMMAND`, at the version in use or newer. `features` are those that its
-/// program needs beyond the package's default.
+/// Makes a program of crates.io available as `cargo SUBCOMMAND`, at the version in use or newer.
+/// `features` are those that its program needs beyond the package's default.
 pub fn cargo_program(package: &str, subcommand: &str, features: &[&str]) -> Result<(), Failure> {
     let version = || output(cargo().args([subcommand, "--version"]));
     if version().is_none() {

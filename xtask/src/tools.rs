@@ -90,7 +90,8 @@ pub struct Installed {
 /// Installs the missing tools and prints their names.
 ///
 /// # Errors
-/// Tools are missing that cannot be installed from here: all of them are named, with the way to get each.
+/// Tools are missing that cannot be installed from here: all of them are named, with the
+/// way to get each.
 pub fn install(run: &mut Run) -> Result<Installed, Failure> {
     run.step("programs to test with", || {
         let missing: Vec<Tool> = TOOLS.into_iter().filter(|tool| !tool.sign.is_there()).collect();
@@ -160,7 +161,8 @@ fn is_on_path(program: &str) -> bool {
     std::env::split_paths(&path).any(|folder| folder.join(program).is_file())
 }
 
-/// The folder above Cura's definitions: named, installed, or unpacked from its package, whose graphical program is not needed.
+/// The folder above Cura's definitions: named, installed, or unpacked from its package, whose
+/// graphical program is not needed.
 fn definitions() -> Result<PathBuf, Failure> {
     let has_definitions = |resources: &PathBuf| resources.join("definitions/fdmprinter.def.json").is_file();
     let named = std::env::var_os(CURA_VARIABLE).map(PathBuf::from);

@@ -31,8 +31,8 @@ impl Turns {
         Self::parse(&text).ok_or_else(|| format!("{}: no `turns = N`", path.display()))
     }
 
-    /// Reads the line `turns = N`, and lists with a line `"NAME",` or `["NAME", "NAME"],` for each entry; `xtask` depends on no
-    /// reader of TOML.
+    /// Reads the line `turns = N`, and lists with a line `"NAME",` or `["NAME", "NAME"],` for each
+    /// entry; `xtask` depends on no reader of TOML.
     fn parse(text: &str) -> Option<Self> {
         let turns =
             text.lines().find_map(|line| line.strip_prefix("turns = ")?.parse().ok()).filter(|turns| *turns > 0)?;
@@ -44,8 +44,9 @@ impl Turns {
         Some(Self { turns, always: entries("always").concat(), together: entries("together") })
     }
 
-    /// The tests that this share leaves to others. Those that take turns are counted from 0 in the order of their names, tests that
-    /// share a turn as one; it is the turn of those whose number has the share as its remainder by the number of turns.
+    /// The tests that this share leaves to others. Those that take turns are counted from 0 in the
+    /// order of their names, tests that share a turn as one; it is the turn of those whose number
+    /// has the share as its remainder by the number of turns.
     pub fn waiting<'a>(&self, names: &'a BTreeSet<String>, share: Share) -> impl Iterator<Item = &'a str> {
         let taking_turns: Vec<&str> = names.iter().map(String::as_str).filter(|name| !self.runs_always(name)).collect();
         let places: BTreeSet<&str> = taking_turns.iter().map(|name| self.place(name)).collect();
@@ -69,7 +70,8 @@ impl Turns {
         listed.filter(|listed| !names.iter().any(|name| is_of(name, listed))).map(String::as_str).collect()
     }
 
-    /// The name by which a test is counted: its own, or the first of those with which it shares a turn.
+    /// The name by which a test is counted: its own, or the first of those with which
+    /// it shares a turn.
     fn place<'a>(&'a self, name: &'a str) -> &'a str {
         let shared = self.together.iter().find(|listed| listed.iter().any(|listed| is_of(name, listed)));
         shared.and_then(|listed| listed.first()).map_or(name, String::as_str)

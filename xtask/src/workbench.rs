@@ -1,5 +1,5 @@
-//! The commands that need Ferrostep's own crates: a separate program (`xtask/workbench/`), compiled when one of them is
-//! first used.
+//! The commands that need Ferrostep's own crates: a separate program (`xtask/workbench/`), compiled
+//! when one of them is first used.
 
 use std::ffi::{OsStr, OsString};
 use std::path::PathBuf;
@@ -65,7 +65,8 @@ pub const COMMANDS: [(&str, &str); 17] = [
 /// Name of the workbench's package.
 const PACKAGE: &str = "ferrostep-workbench";
 
-/// Cargo's profile, that of the tests, for which its crates are compiled anyway; and the folder of that profile's programs.
+/// Cargo's profile, that of the tests, for which its crates are compiled anyway; and the folder of
+/// that profile's programs.
 const PROFILE: (&str, &str) = ("test", "debug");
 
 /// True for a command of the workbench.
@@ -96,7 +97,8 @@ impl Workbench {
         command
     }
 
-    /// Runs a command and checks only that it succeeds: its results are for a person, and not shown.
+    /// Runs a command and checks only that it succeeds: its results are for a
+    /// person, and not shown.
     ///
     /// # Errors
     /// The command fails.

@@ -1,4 +1,5 @@
-//! The recorder of the board's accelerometer, as commands see it, and as the task does that takes its samples.
+//! The recorder of the board's accelerometer, as commands see it, and as the task does that
+//! takes its samples.
 
 use core::cell::RefCell;
 use core::fmt::{self, Write};
@@ -13,8 +14,8 @@ use rtic::Mutex;
 use crate::host_line::{Port, To, Writers};
 use crate::ports::BoardReplies;
 
-/// Most lines that the task sends without a rest, so that the others of its priority have their turn: a full memory, and both ends
-/// of a record.
+/// Most lines that the task sends without a rest, so that the others of its priority have their
+/// turn: a full memory, and both ends of a record.
 pub const MAX_LINES: u32 = 36;
 
 /// Longest line of a record, bytes.
@@ -29,7 +30,8 @@ pub struct BoardRecorder {
 }
 
 impl BoardRecorder {
-    /// Takes the motors' positions, steps: a record that waits for a move begins when X, Y or Z has one.
+    /// Takes the motors' positions, steps: a record that waits for a move begins when
+    /// X, Y or Z has one.
     pub fn follow(&mut self, motor_steps: [i64; 4], now_ticks: u32) {
         let before = core::mem::replace(&mut self.motor_steps, motor_steps);
         if before.iter().zip(&motor_steps).take(3).any(|(before, now)| before != now) {
@@ -57,7 +59,8 @@ pub fn send_line(
         return false;
     }
     let Some(event) = recorder.lock(|shared| shared.recorder.next(now_ticks)) else { return false };
-    // Written once, and not once more to find its length. The longest fits: it gives the reason of an end.
+    // Written once, and not once more to find its length. The longest fits: it gives the
+    // reason of an end.
     let mut line = heapless::String::<MAX_LINE>::new();
     let _cut = write!(line, "{event}");
     writers.lock(|writers| writers.line(to, line.as_str()));

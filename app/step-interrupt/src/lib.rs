@@ -1,8 +1,9 @@
 //! The step interrupt of an image: its queue, its timer, and the two handlers.
 //!
-//! A separate package, because a generic function is compiled as the package that names its types: the rest of the application is
-//! compiled for the least flash, and this for the fewest cycles. RTIC has no task here. Both handlers have the core's highest
-//! priority, which BASEPRI cannot mask, so there is nothing for RTIC to guard.
+//! A separate package, because a generic function is compiled as the package that names its types:
+//! the rest of the application is compiled for the least flash, and this for the fewest cycles.
+//! RTIC has no task here. Both handlers have the core's highest priority, which BASEPRI cannot
+//! mask, so there is nothing for RTIC to guard.
 #![no_std]
 
 use core::cell::UnsafeCell;
@@ -16,12 +17,14 @@ use ferrostep_stm32f4_board::handlers::complete_stores;
 use ferrostep_stm32f4_board::pac::Interrupt;
 use ferrostep_stm32f4_board::step_timer::StepTimer;
 
-/// Slots in the step queue: with one port about as many as entries on the desk, 32 KiB. With each port more a slot has two
-/// words more, and half as many still last for several of the planner's intervals.
+/// Slots in the step queue: with one port about as many as entries on the desk, 32 KiB. With
+/// each port more a slot has two words more, and half as many still last for several of the
+/// planner's intervals.
 pub const STEP_QUEUE_SLOTS: usize = if MOTOR_PORTS == 1 { 2048 } else { 1024 };
 
-/// The step queue and the state of the step interrupt. No reset and no start of the program fills this memory, so that the black box
-/// reads the last steps of the program before: [`StepPlayer::restart`] comes before all else.
+/// The step queue and the state of the step interrupt. No reset and no start of the program fills
+/// this memory, so that the black box reads the last steps of the program before:
+/// [`StepPlayer::restart`] comes before all else.
 #[unsafe(link_section = ".uninit.steps")]
 pub static STEPS: StepPlayer<StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS> = StepPlayer::new();
 
@@ -31,21 +34,24 @@ pub type BoardStepTimer = StepTimer<StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>;
 /// The core's highest priority: RTIC's 16.
 const HIGHEST: u8 = 0;
 
-/// The step timer, which both handlers use. They have the same priority, so that neither interrupts the other.
+/// The step timer, which both handlers use. They have the same priority, so that neither
+/// interrupts the other.
 struct Place(UnsafeCell<MaybeUninit<BoardStepTimer>>);
 
-// SAFETY: `start` writes it before the handlers may run, and from then on they alone use it, never at the same time.
+// SAFETY: `start` writes it before the handlers may run, and from then on they alone use it, never
+// at the same time.
 unsafe impl Sync for Place {}
 
 static TIMER: Place = Place(UnsafeCell::new(MaybeUninit::uninit()));
 
-/// Gives the handlers their timer, which [`StepTimer::start`] has started, and lets the core call them. To be called once, while the
-/// application is initialised.
+/// Gives the handlers their timer, which [`StepTimer::start`] has started, and lets the core call
+/// them. To be called once, while the application is initialised.
 pub fn start(timer: BoardStepTimer, controller: &mut NVIC) {
     // SAFETY: neither handler can run yet: the core does not call them before the unmasking below.
     unsafe { &mut *TIMER.0.get() }.write(timer);
     for interrupt in [Interrupt::TIM1_BRK_TIM9, Interrupt::TIM2] {
-        // SAFETY: no critical section keeps these handlers out, nor do they share anything that one guards.
+        // SAFETY: no critical section keeps these handlers out, nor do they share anything
+        // that one guards.
         unsafe {
             controller.set_priority(interrupt, HIGHEST);
             NVIC::unmask(interrupt);

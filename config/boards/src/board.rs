@@ -102,16 +102,16 @@ pub struct Board {
     pub used_servo: Option<Pin>,
     /// Fans and other outputs that the safe state sets, and whether they are on then.
     pub safe_outputs: Vec<(Pin, bool)>,
-    /// The supply output with the settings of the machine's profile; `None` if the profile does not use it
-    /// ([`Self::for_machine`]).
+    /// The supply output with the settings of the machine's profile; `None` if the profile does not
+    /// use it ([`Self::for_machine`]).
     pub used_supply: Option<SupplyOutput>,
     /// Connectors of the machine's chamber: its thermistor, and its heater if it has one.
     pub used_chamber: Option<(SpareConnector, Option<SpareConnector>)>,
-    /// Further motors that lift the machine's Z, and whether each runs the other way round than the axis's own
-    /// ([`Self::for_machine`]).
+    /// Further motors that lift the machine's Z, and whether each runs the other way round than the
+    /// axis's own ([`Self::for_machine`]).
     pub further_z: Vec<(Motor, bool)>,
-    /// The motors of the extruders of further tools, and whether each runs the other way round than E's own
-    /// ([`Self::for_machine`]).
+    /// The motors of the extruders of further tools, and whether each runs the other way round than
+    /// E's own ([`Self::for_machine`]).
     pub further_e: Vec<(Motor, bool)>,
     /// Connectors of a further tool's nozzle: its thermistor and its heater.
     pub used_nozzle: Option<(SpareConnector, SpareConnector)>,
@@ -261,12 +261,14 @@ pub struct Thermistor {
 }
 
 impl Board {
-    /// The motors that move: X (A), Y (B), Z, E, the further ones of Z, and those of further extruders.
+    /// The motors that move: X (A), Y (B), Z, E, the further ones of Z, and those of
+    /// further extruders.
     pub fn moving_motors(&self) -> impl Iterator<Item = &Motor> {
         self.motors.iter().chain(self.further_z.iter().chain(&self.further_e).map(|(motor, _)| motor))
     }
 
-    /// The motors of a profile's further extruders that the board has, and whether each runs the other way round than E's own.
+    /// The motors of a profile's further extruders that the board has, and whether each runs the
+    /// other way round than E's own.
     pub(crate) fn further_extruders(&self, profile: &Profile) -> Vec<(&Motor, bool)> {
         let further = profile.tools.into_iter().flat_map(|tools| tools.0.further).flatten();
         self.spare(profile, 3, further.map(|tool| (tool.socket, tool.is_inverted)))
@@ -278,8 +280,8 @@ impl Board {
         self.spare(profile, 2, further.map(|motor| (motor.socket, motor.is_inverted)))
     }
 
-    /// Motors in these sockets that the board has, selected by the profile's settings, and whether each runs the
-    /// other way round than motor `own`.
+    /// Motors in these sockets that the board has, selected by the profile's settings, and whether
+    /// each runs the other way round than motor `own`.
     fn spare(
         &self,
         profile: &Profile,
@@ -323,7 +325,8 @@ impl Board {
         Self { used_supply, used_chamber, used_nozzle, used_servo, safe_outputs, further_z, further_e, ..self }
     }
 
-    /// Ports that carry step and direction signals of the motors that move, in the order of the alphabet.
+    /// Ports that carry step and direction signals of the motors that move, in the order
+    /// of the alphabet.
     pub fn motor_ports(&self) -> Vec<u8> {
         let mut ports: Vec<u8> =
             self.moving_motors().flat_map(|motor| [motor.step.port, motor.direction.port]).collect();
@@ -332,11 +335,12 @@ impl Board {
         ports
     }
 
-    /// The same board with its image at another place, without its boot loader, which would not find the image there.
+    /// The same board with its image at another place, without its boot loader, which would not
+    /// find the image there.
     ///
     /// # Errors
-    /// `offset`, bytes from the start of flash, is neither the board's own nor the beginning of a flash sector in the first
-    /// half of the flash.
+    /// `offset`, bytes from the start of flash, is neither the board's own nor the beginning of a
+    /// flash sector in the first half of the flash.
     pub fn at_boot_offset(self, offset: u32) -> Result<Self, String> {
         if offset == self.boot_offset {
             return Ok(self);
@@ -356,8 +360,9 @@ impl Board {
         self.boot_file.as_deref().is_some_and(|name| name.ends_with(BBF_SUFFIX))
     }
 
-    /// Flash at its end that the image leaves to settings (M500), bytes: the last two sectors of a chip of 1 MiB. Smaller ones have no
-    /// two sectors to spare, and a board with an EEPROM needs none.
+    /// Flash at its end that the image leaves to settings (M500), bytes: the last two sectors
+    /// of a chip of 1 MiB. Smaller ones have no two sectors to spare, and a board with an
+    /// EEPROM needs none.
     pub fn settings_bytes(&self) -> u32 {
         if self.flash_kib >= 1024 && self.eeprom.is_none() { 2 * SECTOR_BYTES } else { 0 }
     }
@@ -373,7 +378,8 @@ impl Board {
     }
 }
 
-/// A fan that the safe state lets blow: those of part and nozzle, where the profile does not use its output otherwise.
+/// A fan that the safe state lets blow: those of part and nozzle, where the profile does not use
+/// its output otherwise.
 pub(crate) fn blows_when_safe(fan: &Fan) -> Option<(Pin, bool)> {
     ["part", "hotend"].contains(&fan.name).then_some((fan.pin, true))
 }
@@ -384,7 +390,8 @@ const SECTOR_BYTES: u32 = 128 * 1024;
 /// Ending of the name of a file in Prusa's container.
 pub const BBF_SUFFIX: &str = ".bbf";
 
-/// Bytes of flash that the container's header takes before the image, from the beginning of a sector on.
+/// Bytes of flash that the container's header takes before the image, from the
+/// beginning of a sector on.
 pub const BBF_HEADER_BYTES: u32 = 512;
 
 /// The boundaries of flash sectors in words, for errors.

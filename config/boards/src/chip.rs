@@ -40,17 +40,18 @@ pub struct Chip {
 /// Peripherals on a chip's buses, as masks of the registers of AHB1, AHB2, AHB3, APB1 and APB2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Buses {
-    /// Parts that are reset: all but the ports, whose pins hold heaters and motors off, and the power control (bit 28 of
-    /// RCC_APB1RSTR).
+    /// Parts that are reset: all but the ports, whose pins hold heaters and motors off, and the
+    /// power control (bit 28 of RCC_APB1RSTR).
     pub parts: [u32; 5],
-    /// Clocks that keep running while the core sleeps, as after reset. Without its timer's clock the steps would end
-    /// with the first `wfi`.
+    /// Clocks that keep running while the core sleeps, as after reset. Without its timer's clock
+    /// the steps would end with the first `wfi`.
     pub in_sleep: [u32; 5],
 }
 
 impl Buses {
-    /// STM32F405 and STM32F407 (RM0090 7.3.5 to 7.3.9 and 7.3.15 to 7.3.19). The bits of peripherals that an
-    /// STM32F405 lacks (Ethernet, camera) are reserved there: writes have no effect.
+    /// STM32F405 and STM32F407 (RM0090 7.3.5 to 7.3.9 and 7.3.15 to 7.3.19). The bits
+    /// of peripherals that an STM32F405 lacks (Ethernet, camera) are reserved there:
+    /// writes have no effect.
     pub const F405: Self = Self {
         parts: [0x2260_1000, 0x0000_00f1, 0x1, 0x26fe_c9ff, 0x0007_5933],
         in_sleep: [0x7e67_91ff, 0x0000_00f1, 0x1, 0x36fe_c9ff, 0x0007_5f33],
@@ -82,8 +83,9 @@ const F405RG: Chip = Chip {
 
 /// All chips.
 ///
-/// Pins: DS8626, table 7 (LQFP64, LQFP100), and DS10693, table 10 (LQFP144). PH0 and PH1 are left out: they carry the
-/// crystal. Clocks: RM0090 7.2 and DS8626, table 14; RM0390 5.1.4 and 6.2: 168 MHz without over-drive.
+/// Pins: DS8626, table 7 (LQFP64, LQFP100), and DS10693, table 10 (LQFP144). PH0 and PH1 are left
+/// out: they carry the crystal. Clocks: RM0090 7.2 and DS8626, table 14; RM0390 5.1.4 and 6.2: 168
+/// MHz without over-drive.
 const CHIPS: [Chip; 3] = [
     F405RG,
     // The same die with more pins.
@@ -122,8 +124,8 @@ impl Chip {
         self.ports.get(usize::from(pin.port)).is_some_and(|pins| pins >> pin.number & 1 == 1)
     }
 
-    /// Returns true if a flash sector begins at `offset`, bytes from the start: four of 16 KiB, one of 64 KiB, the
-    /// rest of 128 KiB (RM0090 table 5, RM0390 table 4).
+    /// Returns true if a flash sector begins at `offset`, bytes from the start: four of 16 KiB, one
+    /// of 64 KiB, the rest of 128 KiB (RM0090 table 5, RM0390 table 4).
     pub fn is_sector_boundary(self, offset: u32) -> bool {
         const KIB: u32 = 1024;
         let step = if offset <= 64 * KIB { 16 * KIB } else { 128 * KIB };

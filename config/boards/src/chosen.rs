@@ -1,9 +1,9 @@
-//! The board and the profile that an image is built for: what the environment names, checked. For build scripts:
-//! it also tells cargo which files were read.
+//! The board and the profile that an image is built for: what the environment names, checked. For
+//! build scripts: it also tells cargo which files were read.
 //!
-//! `FERROSTEP_BOARD` names the board, by name or path; the bench without it. `FERROSTEP_BOOT_OFFSET` moves the image to another
-//! place of its flash. `FERROSTEP_PROFILE` names another profile than the board's, by name or path. `cargo xtask firmware` sets
-//! all three.
+//! `FERROSTEP_BOARD` names the board, by name or path; the bench without it.
+//! `FERROSTEP_BOOT_OFFSET` moves the image to another place of its flash. `FERROSTEP_PROFILE` names
+//! another profile than the board's, by name or path. `cargo xtask firmware` sets all three.
 
 use std::env;
 
@@ -15,7 +15,8 @@ use crate::{DEFAULT, builtin_text, fit, load};
 /// The board, with its image where the environment puts it.
 ///
 /// # Errors
-/// The board's file has a fault, or no image may begin there; errors name file, line and key, or the variable.
+/// The board's file has a fault, or no image may begin there; errors name file, line and key,
+/// or the variable.
 pub fn board() -> Result<Board, String> {
     let name = variable("FERROSTEP_BOARD").unwrap_or_else(|| DEFAULT.to_owned());
     watch(&name, builtin_text);

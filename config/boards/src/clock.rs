@@ -1,10 +1,13 @@
-//! The clocks that follow from the crystal: the highest frequency at which USB and the motion clock are exact.
+//! The clocks that follow from the crystal: the highest frequency at which USB and the motion
+//! clock are exact.
 //!
-//! USB wants 48 MHz and the planner counts ticks of 84 MHz, so both must come out without a remainder; a crystal that
-//! cannot do that is refused. The timers count at the slow bus's frequency, twice that where it is divided (RM0090 7.2,
-//! RM0390 6.2). 84 MHz is what they have at 168 MHz. An STM32F446 could run at 180 MHz, USB from its second PLL, but its
-//! timers would then count at 90 MHz or 180 MHz, from which 84 MHz cannot be derived: exact ticks are worth 7 % of the
-//! core's speed. So all three chips run at 168 MHz, without over-drive and without the second PLL.
+//! USB wants 48 MHz and the planner counts ticks of 84 MHz, so both must come out without a
+//! remainder; a crystal that cannot do that is refused. The timers count at the slow bus's
+//! frequency, twice that where it is divided (RM0090 7.2, RM0390 6.2). 84 MHz is what they
+//! have at 168 MHz. An STM32F446 could run at 180 MHz, USB from its second PLL, but its timers
+//! would then count at 90 MHz or 180 MHz, from which 84 MHz cannot be derived: exact ticks are
+//! worth 7 % of the core's speed. So all three chips run at 168 MHz, without over-drive and
+//! without the second PLL.
 
 use ferrostep_planner::TICKS_PER_SECOND;
 
@@ -16,18 +19,20 @@ pub const USB_HZ: u32 = 48_000_000;
 /// Frequency of the internal oscillator, Hz.
 pub const INTERNAL_HZ: u32 = 16_000_000;
 
-/// Frequencies that a crystal may have, MHz: those for which this search and the one of stm32f4xx-hal find the same
-/// numbers of the PLL. The HAL stores its own numbers when it takes the clock over
-/// (`hal-shim/stm32f4-board/src/clock.rs`), and they must change nothing.
+/// Frequencies that a crystal may have, MHz: those for which this search and the one of
+/// stm32f4xx-hal find the same numbers of the PLL. The HAL stores its own numbers when it takes the
+/// clock over (`hal-shim/stm32f4-board/src/clock.rs`), and they must change nothing.
 pub const CRYSTALS_MHZ: [u32; 4] = [8, 12, 16, 25];
 
-/// Input of the PLL after its divider M, Hz (RM0090 7.3.2, RM0390 6.3.2: nearest to 2 MHz has the least jitter).
+/// Input of the PLL after its divider M, Hz (RM0090 7.3.2, RM0390 6.3.2: nearest to 2 MHz has
+/// the least jitter).
 pub const PLL_INPUT_HZ: std::ops::RangeInclusive<u32> = 1_000_000..=2_000_000;
 
 /// Its output, Hz (as above).
 pub const PLL_OUTPUT_HZ: std::ops::RangeInclusive<u32> = 100_000_000..=432_000_000;
 
-/// Numbers of the PLL (as above): input divided by M, multiplied by N; the core divides by P, USB by Q.
+/// Numbers of the PLL (as above): input divided by M, multiplied by N; the core
+/// divides by P, USB by Q.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pll {
     /// 2 to 63.
@@ -41,8 +46,8 @@ pub struct Pll {
 }
 
 impl Pll {
-    /// The word of RCC_PLLCFGR. Bits 28 to 30 are the divider R of an STM32F446, which must not be 0, and elsewhere
-    /// reserved: their value after reset is 2.
+    /// The word of RCC_PLLCFGR. Bits 28 to 30 are the divider R of an STM32F446, which must not be
+    /// 0, and elsewhere reserved: their value after reset is 2.
     pub const fn register(self, is_from_crystal: bool) -> u32 {
         let source = (is_from_crystal as u32) << 22;
         self.m | self.n << 6 | (self.p / 2 - 1) << 16 | source | self.q << 24 | 2 << 28
@@ -62,12 +67,14 @@ pub struct Clock {
     pub apb2_divider: u32,
     /// Frequency of the timers on the slow bus, which count the motion clock's ticks, Hz.
     pub timer_hz: u32,
-    /// Wait states of the flash at 2.7 V to 3.6 V: one more for every 30 MHz (RM0090 table 10, RM0390 table 5).
+    /// Wait states of the flash at 2.7 V to 3.6 V: one more for every 30 MHz (RM0090 table 10,
+    /// RM0390 table 5).
     pub flash_wait_states: u32,
 }
 
 impl Clock {
-    /// The best clock of a chip with an oscillator of `oscillator_hz`; `None` if USB and ticks cannot both be exact.
+    /// The best clock of a chip with an oscillator of `oscillator_hz`; `None` if USB and ticks
+    /// cannot both be exact.
     pub fn of(oscillator_hz: u32, chip: Chip) -> Option<Self> {
         let mut best: Option<(u32, u32, Self)> = None;
         for m in 2..=63 {
@@ -140,7 +147,8 @@ mod tests {
 
     use super::*;
 
-    /// The search of stm32f4xx-hal 0.23 (`rcc/f4/pll.rs`, `fast_setup`) for a core of `core_hz` and USB.
+    /// The search of stm32f4xx-hal 0.23 (`rcc/f4/pll.rs`, `fast_setup`) for a core of
+    /// `core_hz` and USB.
     fn found_by_the_hal(oscillator_hz: u32, core_hz: u32) -> Pll {
         let p = 8.min((432_000_000 / core_hz) & !1);
         let m = (oscillator_hz.div_ceil(2_000_000)..=oscillator_hz / 1_000_000)
@@ -157,8 +165,8 @@ mod tests {
         Pll { m, n, p, q: (input_hz * n).div_ceil(USB_HZ) }
     }
 
-    /// The HAL takes the clock over when it runs, and stores its PLL's numbers once more. They are the same with the crystals
-    /// that a board may have, and with the internal oscillator.
+    /// The HAL takes the clock over when it runs, and stores its PLL's numbers once more. They are
+    /// the same with the crystals that a board may have, and with the internal oscillator.
     #[test]
     fn the_hal_finds_the_same_pll() {
         for chip in chips() {
@@ -195,7 +203,8 @@ mod tests {
 
     #[test]
     fn the_register_has_the_fields_of_the_manual() {
-        // RM0090 7.3.2: M in bits 0 to 5, N 6 to 14, P 16 and 17, source 22, Q 24 to 27; after reset 0x24003010.
+        // RM0090 7.3.2: M in bits 0 to 5, N 6 to 14, P 16 and 17, source 22, Q 24 to 27; after
+        // reset 0x24003010.
         assert_eq!(Pll { m: 16, n: 192, p: 2, q: 4 }.register(false), 0x2400_3010);
         assert_eq!(
             Pll { m: 8, n: 336, p: 4, q: 7 }.register(true),
@@ -215,7 +224,8 @@ mod tests {
             ],
         ) {
             for chip in chips() {
-                // 48 MHz times Q and 84 MHz times two powers of two meet at 336 MHz only, within the PLL's output.
+                // 48 MHz times Q and 84 MHz times two powers of two meet at 336 MHz only, within
+                // the PLL's output.
                 let can = (2..=63_u64).any(|m| {
                     let input = u64::from(hz);
                     input >= m * 1_000_000 && input <= m * 2_000_000 && (336_000_000 * m).is_multiple_of(input)

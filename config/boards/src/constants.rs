@@ -15,7 +15,8 @@ use crate::pin::Pin;
 use crate::registers;
 use crate::store::Store;
 
-/// KiB at the start of RAM for the stack. A test computes the deepest path through each image and compares it with this.
+/// KiB at the start of RAM for the stack. A test computes the deepest path through each image and
+/// compares it with this.
 pub const STACK_KIB: u32 = 23;
 
 /// The same in the images that measure: each counted part puts its own planner on the stack.
@@ -78,22 +79,27 @@ pub fn rust(board: &Board) -> String {
          /// Its chip's registers.\npub const FAMILY: ChipFamily = ChipFamily::{family:?};\n\
          /// Frequency of the core with the PLL, Hz.\npub const CORE_HZ: u32 = {core_hz};\n\
          /// Frequency of the crystal, Hz.\npub const CRYSTAL_HZ: u32 = {crystal_hz};\n\
-         /// Frequency of the internal oscillator, Hz.\npub const INTERNAL_HZ: u32 = {INTERNAL_HZ};\n\
+         /// Frequency of the internal oscillator, Hz.\n\
+         pub const INTERNAL_HZ: u32 = {INTERNAL_HZ};\n\
          /// Frequency of the slow bus, Hz.\npub const APB1_HZ: u32 = {};\n\
          /// Frequency of the fast bus, Hz.\npub const APB2_HZ: u32 = {};\n\
          /// RCC_PLLCFGR with the crystal, and with the internal oscillator.\n\
          #[used]\n#[unsafe(no_mangle)]\npub static FERROSTEP_PLL: [u32; 2] = {plls:#x?};\n\
          /// RCC_CFGR's code of the slow bus's divider.\npub const APB1_CODE: u8 = {apb1_code};\n\
          /// RCC_CFGR's code of the fast bus's divider.\npub const APB2_CODE: u8 = {apb2_code};\n\
-         /// Wait states of the flash at that frequency.\npub const FLASH_WAIT_STATES: u8 = {flash_wait_states};\n\
-         /// Number of ports that carry step and direction signals.\npub const MOTOR_PORTS: usize = {};\n\
+         /// Wait states of the flash at that frequency.\n\
+         pub const FLASH_WAIT_STATES: u8 = {flash_wait_states};\n\
+         /// Number of ports that carry step and direction signals.\n\
+         pub const MOTOR_PORTS: usize = {};\n\
          /// Those ports: 0 is A.\npub const MOTOR_PORT_INDICES: [u8; MOTOR_PORTS] = {ports:?};\n\
-         /// Step and direction pins of X, Y, Z and E.\npub const MOTORS: [MotorPins; 4] = [{motors}];\n\
+         /// Step and direction pins of X, Y, Z and E.\n\
+         pub const MOTORS: [MotorPins; 4] = [{motors}];\n\
          /// Those of further motors of Z, and whether each runs the other way round than the axis's own.\n\
          pub const FURTHER_Z: [(MotorPins, bool); {}] = [{further}];\n\
          /// Those of the extruders of further tools, and whether each runs the other way round.\n\
          pub const FURTHER_E: [(MotorPins, bool); {}] = [{extruders}];\n\
-         /// Port and number of the enable pins of all of them; low = on.\npub const ENABLE: [(u8, u8); {}] = {enable:?};\n\
+         /// Port and number of the enable pins of all of them; low = on.\n\
+         pub const ENABLE: [(u8, u8); {}] = {enable:?};\n\
          /// Flash that settings are kept in (M500): bytes from its start, and bytes; 0: none.\n\
          pub const SETTINGS: [u32; 2] = [{settings_offset:#x}, {settings_bytes:#x}];\n\
          /// RAM.\npub const RAM: core::ops::Range<u32> = {RAM_ADDRESS:#x}..{ram_end:#x};\n{}\
@@ -113,7 +119,8 @@ pub fn rust(board: &Board) -> String {
     )
 }
 
-/// Heaters, fans and thermistors. All thermistors are at one converter, which goes round them in the file's order.
+/// Heaters, fans and thermistors. All thermistors are at one converter, which goes round them in
+/// the file's order.
 fn thermal(board: &Board) -> String {
     let output = |pin: Pin, timer: &Option<String>| {
         let channel = timer.as_deref().and_then(TimerChannel::named);
@@ -193,7 +200,8 @@ impl Registers for Script {
     }
 }
 
-/// The sensors that the axes home with, and the stores that set their pins and interrupt lines up, as items.
+/// The sensors that the axes home with, and the stores that set their pins and interrupt
+/// lines up, as items.
 pub fn sensors(board: &Board, profile: &Profile) -> String {
     let pins = fit::sensor_pins(board, profile)
         .map(|sensor| sensor.map(|(Pin { port, number }, triggers_low)| SensorPin { port, number, triggers_low }));
@@ -211,7 +219,8 @@ pub fn sensors(board: &Board, profile: &Profile) -> String {
         pin.set_up(&mut script);
     }
     format!(
-        "/// The pins of the sensors that X, Y and Z home with.\npub const SENSORS: [Option<SensorPin>; 3] = {pins:?};\n\
+        "/// The pins of the sensors that X, Y and Z home with.\n\
+         pub const SENSORS: [Option<SensorPin>; 3] = {pins:?};\n\
          /// The pin of the filament sensor. A switch triggers when filament is missing.\n\
          pub const FILAMENT: Option<SensorPin> = {filament:?};\n\
          /// The pin of the switch beside a filament sensor that sees filament move.\n\
@@ -244,10 +253,12 @@ pub fn drivers(board: &Board, profile: &Profile) -> String {
         (true, None) => "OwnLines<DRIVERS>",
     };
     format!(
-        "/// What the drivers are told over.\npub type BoardDriverLine = ferrostep_stm32f4_board::driver_line::{line};\n\
+        "/// Line to the drivers.\n\
+         pub type BoardDriverLine = ferrostep_stm32f4_board::driver_line::{line};\n\
          /// Number of motors, the further ones of Z included.\npub const DRIVERS: usize = {};\n\
-         /// Port and number of the lines' pins.\npub const DRIVER_PINS: [(u8, u8); DRIVERS] = {pins:?};\n\
-         /// How the drivers that are set are connected.\n\
+         /// Port and number of the lines' pins.\n\
+         pub const DRIVER_PINS: [(u8, u8); DRIVERS] = {pins:?};\n\
+         /// Connections of the drivers that are set.\n\
          pub const DRIVER_WIRING: [Option<ferrostep_tmc2209::DriverWiring>; DRIVERS] = {{\n    \
          #[allow(unused_imports)]\n    use ferrostep_tmc2209::DriverWiring;\n    {wiring:?}\n}};\n",
         wiring.len()
@@ -334,7 +345,8 @@ mod tests {
         assert_eq!(Memory::of(&bench, 0x1000_0000, 4), Some(Memory::Ccm));
     }
 
-    /// No image reaches into the sectors that settings are kept in, and a debugger's tool learns the same limit.
+    /// No image reaches into the sectors that settings are kept in, and a debugger's tool
+    /// learns the same limit.
     #[test]
     fn images_end_before_the_settings() {
         for (name, length) in [("bench", 0xc_0000), ("prusa-buddy", 0x9_fe00)] {

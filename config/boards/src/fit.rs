@@ -14,8 +14,8 @@ use crate::board::{Board, Driver, DriverUart, Motor, Thermistor};
 use crate::pin::Pin;
 
 impl Driver {
-    /// Shortest step pulse that it counts, ns, where its data sheet says (STEP high and low time; A4988 and TMC5160:
-    /// timing tables; DRV8825: 7.6; TMC2130, 2208, 2209: STEP/DIR interface).
+    /// Shortest step pulse that it counts, ns, where its data sheet says (STEP high and low time;
+    /// A4988 and TMC5160: timing tables; DRV8825: 7.6; TMC2130, 2208, 2209: STEP/DIR interface).
     const fn shortest_pulse_ns(self) -> u32 {
         match self {
             Self::None | Self::Socket => 0,
@@ -26,14 +26,15 @@ impl Driver {
     }
 }
 
-/// Most ports that step and direction signals may be on: an event costs the step interrupt a store for each.
+/// Most ports that step and direction signals may be on: an event costs the step interrupt
+/// a store for each.
 const MOST_PORTS: usize = 4;
 
 /// The axes that home.
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// The pins of the sensors that a profile's axes home with, and whether they are low when they trigger; `None` where the
-/// board has no such sensor.
+/// The pins of the sensors that a profile's axes home with, and whether they are low when they
+/// trigger; `None` where the board has no such sensor.
 pub fn sensor_pins(board: &Board, profile: &Profile) -> [Option<(Pin, bool)>; 3] {
     let input = |name: &str| board.inputs.iter().find(|(input, _)| *input == name).map(|(_, pin)| *pin);
     let mut sensors = AXES.into_iter().zip(profile.homing.iter().zip(&board.motors)).map(|(axis, (homing, motor))| {
@@ -48,8 +49,8 @@ pub fn sensor_pins(board: &Board, profile: &Profile) -> [Option<(Pin, bool)>; 3]
     std::array::from_fn(|_| sensors.next().flatten())
 }
 
-/// The pin of the profile's filament sensor, and whether it is low while filament is missing (an encoder has no such
-/// level); `None` without such a sensor or such an input.
+/// The pin of the profile's filament sensor, and whether it is low while filament is missing (an
+/// encoder has no such level); `None` without such a sensor or such an input.
 pub fn filament_pin(board: &Board, profile: &Profile) -> Option<(Pin, bool)> {
     filament_input(board, "filament", profile.filament_sensor)
 }
@@ -65,7 +66,8 @@ fn filament_input(board: &Board, name: &str, sensor: Option<FilamentSensor>) -> 
     pin.zip(sensor.map(is_low))
 }
 
-/// The pin of the profile's signal that the supply fails, and whether it is low then; `None` without such a signal or such an input.
+/// The pin of the profile's signal that the supply fails, and whether it is low then; `None`
+/// without such a signal or such an input.
 pub fn power_loss_pin(board: &Board, profile: &Profile) -> Option<(Pin, bool)> {
     let pin = board.inputs.iter().find(|(input, _)| *input == "power_loss").map(|(_, pin)| *pin);
     pin.zip(profile.supply_signal.map(|signal| signal.failing_is_low))
@@ -88,8 +90,8 @@ fn can_be_set(motor: &Motor) -> bool {
     matches!(motor.driver, Driver::Tmc2209 | Driver::Socket) && motor.uart.is_some()
 }
 
-/// The motors that move, each with the settings of its driver: of the further motors of Z those of Z. The motor of a second extruder has a
-/// fixed place, before which there may be none.
+/// The motors that move, each with the settings of its driver: of the further motors of Z those of
+/// Z. The motor of a second extruder has a fixed place, before which there may be none.
 pub(crate) fn driven<'a>(board: &'a Board, profile: &Profile) -> Vec<Option<(&'a Motor, Option<DriverSettings>)>> {
     let [.., of_z, _] = profile.drivers;
     let further = board.further_motors(profile).into_iter().map(|(motor, _)| (motor, of_z));
@@ -102,8 +104,8 @@ pub(crate) fn driven<'a>(board: &'a Board, profile: &Profile) -> Vec<Option<(&'a
     driven
 }
 
-/// Wiring of the drivers that a profile sets: X, Y, Z, E and the further ones of Z; `None` for a driver that the
-/// profile does not set or the board cannot.
+/// Wiring of the drivers that a profile sets: X, Y, Z, E and the further ones of Z; `None` for a
+/// driver that the profile does not set or the board cannot.
 pub fn wiring(board: &Board, profile: &Profile) -> Vec<Option<DriverWiring>> {
     let wired = |(index, driven): (usize, Option<(&Motor, Option<DriverSettings>)>)| {
         let (motor, settings) = driven?;
@@ -119,7 +121,8 @@ pub fn wiring(board: &Board, profile: &Profile) -> Vec<Option<DriverWiring>> {
     driven(board, profile).into_iter().enumerate().map(wired).collect()
 }
 
-/// The further motors of the profile's Z are the board's, and the step interrupt reaches all pins in time.
+/// The further motors of the profile's Z are the board's, and the step interrupt reaches
+/// all pins in time.
 fn check_z_motors(board: &Board, profile: &Profile, profile_name: &str) -> Result<(), FileError> {
     for motor in profile.z_motors.into_iter().flat_map(|motors| motors.0.further).flatten() {
         if !board.spare_motors.iter().any(|spare| spare.name == motor.socket) {
@@ -250,8 +253,8 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
     Ok(())
 }
 
-/// Each fan of the profile has its output, and its tachometer if it is to be looked at. The two usual ones may be missing: M106 is refused
-/// then.
+/// Each fan of the profile has its output, and its tachometer if it is to be looked at. The two
+/// usual ones may be missing: M106 is refused then.
 fn check_fans(board: &Board, profile: &Profile, profile_name: &str) -> Result<(), FileError> {
     for (output, (fan, usual)) in FanOutput::ALL.into_iter().zip(profile.fans.iter().zip(FanSettings::USUAL)) {
         let Some(settings) = fan.as_ref().filter(|_| *fan != usual) else { continue };

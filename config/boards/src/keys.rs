@@ -32,7 +32,8 @@ const MAX_NAME: usize = 32;
 /// Longest title, bytes.
 const MAX_TITLE: usize = 60;
 
-/// Most ports that step and direction signals may be on: an event costs the step interrupt a store for each.
+/// Most ports that step and direction signals may be on: an event costs the step interrupt
+/// a store for each.
 const MAX_MOTOR_PORTS: usize = 3;
 
 /// The board.
@@ -286,8 +287,8 @@ fn clock(keys: &Section<'_>, chip: Chip) -> (u32, Option<Clock>) {
     (crystal_hz, clock)
 }
 
-/// Reads the start of the image: a flash sector's, so that erasing it leaves the boot loader alone; where the boot
-/// loader takes a container, the image begins after the header in that sector.
+/// Reads the start of the image: a flash sector's, so that erasing it leaves the boot loader alone;
+/// where the boot loader takes a container, the image begins after the header in that sector.
 fn boot_offset(keys: &Section<'_>, boot_file: Option<&str>, chip: Chip, flash_kib: u32) -> u32 {
     // Half of the flash is left at least: an image is at most a quarter of the largest.
     let half = f64::from(flash_kib) * 512.0;

@@ -1,8 +1,10 @@
-//! Printer boards as TOML: their pins and clocks, checked, as the source of the firmware's constants.
+//! Printer boards as TOML: their pins and clocks, checked, as the source of the
+//! firmware's constants.
 //!
-//! The boards are the files next to this crate's `Cargo.toml`. A key is one line of code that reads it (`keys.rs`), with its
-//! range, its default and its meaning; the book's table of keys is made from the same lines ([`schema`]). [`constants::rust`]
-//! turns a board into the constants that the firmware is compiled with.
+//! The boards are the files next to this crate's `Cargo.toml`. A key is one line of code that reads
+//! it (`keys.rs`), with its range, its default and its meaning; the book's table of keys is made
+//! from the same lines ([`schema`]). [`constants::rust`] turns a board into the constants that the
+//! firmware is compiled with.
 #![forbid(unsafe_code)]
 
 mod board;
@@ -56,7 +58,8 @@ pub fn builtin_text(name: &str) -> Option<&'static str> {
 ///
 /// # Errors
 ///
-/// [`Problem::Read`] if the file cannot be read, is not UTF-8 or is larger than 1 MiB; otherwise as [`parse`].
+/// [`Problem::Read`] if the file cannot be read, is not UTF-8 or is larger than 1 MiB;
+/// otherwise as [`parse`].
 pub fn load(name_or_path: &str) -> Result<Board, BoardError> {
     match builtin_text(name_or_path) {
         Some(text) => parse(text, name_or_path),
@@ -68,8 +71,8 @@ pub fn load(name_or_path: &str) -> Result<Board, BoardError> {
 ///
 /// # Errors
 ///
-/// The first problem found: TOML syntax, then unknown, missing or mistyped keys, then values out of their range, then
-/// pins and channels that contradict each other.
+/// The first problem found: TOML syntax, then unknown, missing or mistyped keys, then values out of
+/// their range, then pins and channels that contradict each other.
 pub fn parse(text: &str, origin: &str) -> Result<Board, BoardError> {
     let reader = Reader::new(text, origin)?;
     let board = keys::board(&reader.root());

@@ -1,4 +1,5 @@
-//! A board's pins as stores to registers: the firmware makes them in this order, without knowing a pin.
+//! A board's pins as stores to registers: the firmware makes them in this order,
+//! without knowing a pin.
 
 use ferrostep_stm32f4::gpio::{self, AFRL, ALTERNATE, ANALOGUE, BSRR, MODER, OSPEEDR, OTYPER, OUTPUT, PULL_UP, PUPDR};
 use ferrostep_stm32f4::rcc::{RCC_AHB1ENR, RCC_AHB2ENR};
@@ -20,9 +21,9 @@ const SCB_CCR: u32 = 0xe000_ed14;
 const CCR_AT_RESET: u32 = 1 << 9;
 const MPU_CTRL: u32 = 0xe000_ed94;
 
-/// Code in OSPEEDR, two bits a pin, for the slowest edges, up to 100 ns at 50 pF (DS8626, I/O AC characteristics).
-/// Pulses are much longer than that, and faster edges ring on the long traces to the drivers; Prusa's own firmware
-/// chooses it for these pins as well.
+/// Code in OSPEEDR, two bits a pin, for the slowest edges, up to 100 ns at 50 pF (DS8626, I/O AC
+/// characteristics). Pulses are much longer than that, and faster edges ring on the long traces to
+/// the drivers; Prusa's own firmware chooses it for these pins as well.
 const LOW_SPEED: u32 = 0b00;
 /// Code in OSPEEDR for edges of up to 10 ns at 30 pF, for 12 MHz.
 const HIGH_SPEED: u32 = 0b10;
@@ -97,7 +98,8 @@ fn card_pins(board: &Board) -> Vec<Pin> {
     board.card.iter().flat_map(|card| card.lines.into_iter().chain(card.detect)).collect()
 }
 
-/// The SDIO's pins, with the pull-ups that a card's lines need (SD specification, 6.6); its clock has none.
+/// The SDIO's pins, with the pull-ups that a card's lines need (SD specification, 6.6);
+/// its clock has none.
 fn card(board: &Board) -> Vec<Store> {
     let Some(card) = board.card else { return Vec::new() };
     let [_, pulled @ ..] = card.lines;
@@ -119,7 +121,8 @@ fn accelerometer_pins(board: &Board) -> Vec<Pin> {
     board.accelerometer.iter().flat_map(|plug| [plug.sck, plug.mosi, plug.cs, plug.miso]).collect()
 }
 
-/// The bus at rest: clock and select high before they are outputs. An undriven data line reads ones.
+/// The bus at rest: clock and select high before they are outputs. An undriven data
+/// line reads ones.
 fn accelerometer(board: &Board) -> Vec<Store> {
     let Some(Accelerometer { sck, miso, mosi, cs, .. }) = board.accelerometer else { return Vec::new() };
     let driven = [sck, mosi, cs];
@@ -138,7 +141,8 @@ fn eeprom_pins(board: &Board) -> Vec<Pin> {
     board.eeprom.iter().flat_map(|Eeprom { scl, sda, .. }| [*scl, *sda]).collect()
 }
 
-/// The bus at rest: both lines released before they are outputs, which pull low alone. The chip's pull-ups help the board's.
+/// The bus at rest: both lines released before they are outputs, which pull low alone. The chip's
+/// pull-ups help the board's.
 fn eeprom(board: &Board) -> Vec<Store> {
     let pins = eeprom_pins(board);
     [
@@ -151,8 +155,8 @@ fn eeprom(board: &Board) -> Vec<Store> {
     .concat()
 }
 
-/// The output of the machine's power supply, with the supply on or off: its level first, so that the change to an
-/// output makes no pulse. A pin that no profile uses stays an input.
+/// The output of the machine's power supply, with the supply on or off: its level first, so that
+/// the change to an output makes no pulse. A pin that no profile uses stays an input.
 fn supply(board: &Board, is_on: impl Fn(&SupplyOutput) -> bool) -> Vec<Store> {
     let Some(output) = &board.used_supply else { return Vec::new() };
     let pin = [output.pin];
@@ -173,13 +177,15 @@ fn push_pull(pins: &[Pin]) -> Vec<Store> {
     [fields(pins, OTYPER, 1, 0), fields(pins, PUPDR, 2, 0)].concat()
 }
 
-/// Heaters off, whatever used their pins before: low first, so that the change to an output makes no pulse.
+/// Heaters off, whatever used their pins before: low first, so that the change to an
+/// output makes no pulse.
 fn heaters_off(board: &Board) -> Vec<Store> {
     let heaters = heater_pins(board);
     [levels(&[], &heaters), fields(&heaters, MODER, 2, OUTPUT)].concat()
 }
 
-/// The image's first instructions: heaters off, motors off, everything that a boot loader may have started off.
+/// The image's first instructions: heaters off, motors off, everything that a boot loader may
+/// have started off.
 pub fn first(board: &Board) -> Vec<Store> {
     let outputs = [heater_pins(board), enable_pins(board), signal_pins(board), board.serial.to_vec()].concat();
     let others = board.fans.iter().map(|fan| fan.pin).chain(thermistor_pins(board)).chain(card_pins(board));
@@ -193,7 +199,8 @@ pub fn first(board: &Board) -> Vec<Store> {
     stores.extend(levels(&enable_pins(board), &step_pins(board)));
     stores.extend(push_pull(&enable_pins(board)));
     stores.extend(fields(&enable_pins(board), MODER, 2, OUTPUT));
-    // SysTick and the memory protection are off, and `wfi` sleeps lightly: a deep sleep would stop all clocks.
+    // SysTick and the memory protection are off, and `wfi` sleeps lightly: a deep sleep would
+    // stop all clocks.
     stores.extend([SYST_CSR, MPU_CTRL, SCB_SCR].map(|register| Store::word(register, 0)));
     stores.push(Store::word(SCB_CCR, CCR_AT_RESET));
     stores.extend(as_after_reset(board.chip, ports));
@@ -206,9 +213,10 @@ pub fn first(board: &Board) -> Vec<Store> {
     stores
 }
 
-/// The stores of the panic and fault handlers: heaters off, motors off, the fans of nozzle and part full, the power
-/// supply off where it can be switched, and the USB port off the bus, so that its host stops as well. Without such a
-/// supply a transistor that has failed closed keeps heating, so the fans cool.
+/// The stores of the panic and fault handlers: heaters off, motors off, the fans of nozzle and
+/// part full, the power supply off where it can be switched, and the USB port off the bus, so that
+/// its host stops as well. Without such a supply a transistor that has failed closed keeps
+/// heating, so the fans cool.
 pub fn all_off(board: &Board) -> Vec<Store> {
     let outputs = |on: bool| -> Vec<Pin> {
         board.safe_outputs.iter().filter(|(_, is_on)| *is_on == on).map(|(pin, _)| *pin).collect()
@@ -266,7 +274,8 @@ mod tests {
 
     use super::*;
 
-    /// Registers after some stores, starting from their reset values, which are zeros as far as the tests need them.
+    /// Registers after some stores, starting from their reset values, which are zeros as far as the
+    /// tests need them.
     fn after(stores: &[Store]) -> BTreeMap<u32, u32> {
         let mut registers = BTreeMap::new();
         for Store { address, clear, set } in stores {
@@ -337,8 +346,8 @@ mod tests {
         }
     }
 
-    /// Only the fans of nozzle and part blow, after heaters and motors are off and once the pins are taken from their
-    /// timers.
+    /// Only the fans of nozzle and part blow, after heaters and motors are off and once the pins
+    /// are taken from their timers.
     #[test]
     fn the_end_lets_both_fans_blow() {
         for board in boards() {

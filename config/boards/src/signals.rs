@@ -1,7 +1,9 @@
-//! The chips' pin functions besides inputs and outputs: analogue channels, timer channels, serial lines.
+//! The chips' pin functions besides inputs and outputs: analogue channels, timer
+//! channels, serial lines.
 //!
-//! The tables hold for all three chips; pins that a package lacks are refused before. Analogue channels: DS8626, table 7,
-//! and DS10693, table 10. Timers and serial lines: DS8626, table 9, and DS10693, table 11 (alternate functions).
+//! The tables hold for all three chips; pins that a package lacks are refused before. Analogue
+//! channels: DS8626, table 7, and DS10693, table 10. Timers and serial lines: DS8626, table 9, and
+//! DS10693, table 11 (alternate functions).
 
 use crate::pin::Pin;
 

@@ -1,8 +1,10 @@
-//! The first stores of an image: they restore the chip's state after reset, whatever a boot loader has changed.
+//! The first stores of an image: they restore the chip's state after reset, whatever a boot
+//! loader has changed.
 //!
-//! Addresses: RM0090 7.3 (RCC), 12.3 (EXTI), 2.3; RM0390 6.3, 10.3, 2.2. The clock's own registers follow in `init`
-//! (`hal-shim/stm32f4/src/clock_setup.rs`), for they are waited for; so does the power control, which must not be reset while a
-//! loader's PLL runs. The backup domain and the flags that say why the chip was reset are left alone.
+//! Addresses: RM0090 7.3 (RCC), 12.3 (EXTI), 2.3; RM0390 6.3, 10.3, 2.2. The clock's own registers
+//! follow in `init` (`hal-shim/stm32f4/src/clock_setup.rs`), for they are waited for; so does the
+//! power control, which must not be reset while a loader's PLL runs. The backup domain and the
+//! flags that say why the chip was reset are left alone.
 
 use ferrostep_stm32f4::rcc::RCC;
 
@@ -27,7 +29,8 @@ const EXTI_PR: u32 = EXTI + 0x14;
 /// Lines 0 to 22.
 const EXTI_LINES: u32 = 0x007f_ffff;
 
-/// All parts but the ports and the power control as after reset, and the ports' clocks on (`ports`, a mask).
+/// All parts but the ports and the power control as after reset, and the ports' clocks on
+/// (`ports`, a mask).
 pub fn as_after_reset(chip: Chip, ports: u32) -> Vec<Store> {
     let mut stores = Vec::new();
     for (offset, parts) in BUS_OFFSETS.into_iter().zip(chip.buses.parts) {

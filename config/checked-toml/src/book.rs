@@ -1,4 +1,5 @@
-//! Parts of the book that are made from code: between two marks, compared by a test and written by it on request.
+//! Parts of the book that are made from code: between two marks, compared by a test and written
+//! by it on request.
 
 use std::path::Path;
 use std::sync::Mutex;
@@ -9,11 +10,12 @@ pub const REFRESH_VARIABLE: &str = "FERROSTEP_REFRESH";
 /// Tests run at once, and some keep parts of the same page.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
-/// Compares the part of a page between `<!-- NAME begin` and `<!-- NAME end -->` with `text`, or writes it if
-/// [`REFRESH_VARIABLE`] is set. The rest of the line with the first mark is a comment.
+/// Compares the part of a page between `<!-- NAME begin` and `<!-- NAME end -->` with `text`, or
+/// writes it if [`REFRESH_VARIABLE`] is set. The rest of the line with the first mark is a comment.
 ///
 /// # Errors
-/// What to do: the page cannot be read or written, has no such marks, or has another text between them.
+/// What to do: the page cannot be read or written, has no such marks, or has another
+/// text between them.
 pub fn keep(page: &Path, name: &str, text: &str) -> Result<(), String> {
     keep_or_write(page, name, text, is_written())
 }
@@ -23,7 +25,8 @@ pub fn is_written() -> bool {
     std::env::var_os(REFRESH_VARIABLE).is_some()
 }
 
-/// Finds each line of `text` in the part of the page that [`keep`] would compare: some rows of a table.
+/// Finds each line of `text` in the part of the page that [`keep`] would compare: some
+/// rows of a table.
 ///
 /// # Errors
 /// The page cannot be read, has no such marks, or lacks a line.

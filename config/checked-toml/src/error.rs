@@ -76,7 +76,8 @@ impl FileError {
         &self.origin
     }
 
-    /// Line of the text, counted from 1; `None` if the problem has no line, as a key missing at the top level.
+    /// Line of the text, counted from 1; `None` if the problem has no line, as a key missing
+    /// at the top level.
     pub fn line(&self) -> Option<usize> {
         self.line
     }

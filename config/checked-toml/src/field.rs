@@ -5,8 +5,9 @@ use std::fmt;
 use crate::schema::Key;
 use crate::section::Section;
 
-/// A key of a [`Section`], read as far as the text goes. One of [`required`](Self::required), [`or`](Self::or) and
-/// [`optional`](Self::optional) sets its value for texts without the key, and its meaning, in the book's words.
+/// A key of a [`Section`], read as far as the text goes. One of [`required`](Self::required),
+/// [`or`](Self::or) and [`optional`](Self::optional) sets its value for texts without the key, and
+/// its meaning, in the book's words.
 #[must_use = "a key is declared by `required`, `or` or `optional`"]
 pub struct Field<'r, T> {
     section: Section<'r>,

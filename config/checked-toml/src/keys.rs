@@ -2,7 +2,8 @@
 
 use toml::{Table, Value};
 
-/// Paths of all keys of a table, those of tables within it included: `nozzle`, `nozzle.pid`, `nozzle.pid.p`.
+/// Paths of all keys of a table, those of tables within it included: `nozzle`,
+/// `nozzle.pid`, `nozzle.pid.p`.
 pub fn paths(table: &Table) -> Vec<String> {
     let mut paths = Vec::new();
     for (key, value) in table {
@@ -14,7 +15,8 @@ pub fn paths(table: &Table) -> Vec<String> {
     paths
 }
 
-/// The table that holds a key, and the last part of the key's path; `None` if the path does not lead through tables.
+/// The table that holds a key, and the last part of the key's path; `None` if the path does not
+/// lead through tables.
 pub fn holder<'a, 'b>(root: &'a mut Table, path: &'b str) -> Option<(&'a mut Table, &'b str)> {
     match path.split_once('.') {
         None => Some((root, path)),

@@ -1,8 +1,10 @@
-//! TOML files that people write: read key by key, and refused with the key, the line and the right values.
+//! TOML files that people write: read key by key, and refused with the key, the line and
+//! the right values.
 //!
-//! A file's schema is the code that reads it: each call on a [`Section`] declares a key with its range, its default,
-//! and its meaning. From the same calls follow the values, the refusals, the book's table ([`Schema::markdown`]) and
-//! a hash of the values that bind other files to this one ([`Checked`]). Profiles and boards are such files.
+//! A file's schema is the code that reads it: each call on a [`Section`] declares a key with its
+//! range, its default, and its meaning. From the same calls follow the values, the refusals, the
+//! book's table ([`Schema::markdown`]) and a hash of the values that bind other files to this one
+//! ([`Checked`]). Profiles and boards are such files.
 
 pub mod book;
 mod error;
@@ -28,11 +30,12 @@ pub use section::Section;
 pub use values::Choice;
 pub use words::closest;
 
-/// Longest file that is read, bytes. A path given by mistake may name a print of many megabytes, or an endless device.
+/// Longest file that is read, bytes. A path given by mistake may name a print of many megabytes, or
+/// an endless device.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// Reads a whole text file of at most 1 MiB; for errors, `what` names the expected kind of file, and `built_in` the
-/// names that need no file.
+/// Reads a whole text file of at most 1 MiB; for errors, `what` names the expected kind of file,
+/// and `built_in` the names that need no file.
 ///
 /// # Errors
 /// [`Problem::Read`]: it cannot be read, is not UTF-8 or too large.
@@ -51,7 +54,8 @@ pub fn read(
 fn read_text(path: &str) -> std::io::Result<String> {
     let mut text = String::new();
     let mut file = std::fs::File::open(path)?.take(MAX_BYTES + 1);
-    // A size limit met in the middle of a character is still a size limit, so bytes first, UTF-8 second.
+    // A size limit met in the middle of a character is still a size limit, so bytes
+    // first, UTF-8 second.
     let mut bytes = Vec::new();
     file.read_to_end(&mut bytes)?;
     if bytes.len() as u64 > MAX_BYTES {

@@ -23,8 +23,8 @@ pub const fn range(low: f64, high: f64, unit: &'static str) -> Range {
 }
 
 impl Range {
-    /// The range with its upper end at `high` or below; `why` continues the sentence that a refusal shows:
-    /// "0.01 to 50 mm/s, at most fast_mm_per_s".
+    /// The range with its upper end at `high` or below; `why` continues the sentence that a refusal
+    /// shows: "0.01 to 50 mm/s, at most fast_mm_per_s".
     #[must_use]
     pub fn at_most(self, high: f64, why: &'static str) -> Self {
         Self { high: self.high.min(high), narrowed_by: why, ..self }
@@ -47,7 +47,8 @@ impl Range {
         (self.low..=self.high).contains(&value)
     }
 
-    /// The range for a book's table, where no other key has a value: "0.01 to 2 000, at most fast_mm_per_s".
+    /// The range for a book's table, where no other key has a value: "0.01 to 2 000, at
+    /// most fast_mm_per_s".
     pub(crate) fn for_book(&self) -> String {
         let [low, high] = self.declared.map(book_number);
         match self.narrowed_by {

@@ -1,8 +1,9 @@
 //! A text that is read key by key: each call declares a key and yields its value.
 //!
-//! Reading continues after a fault with a substitute value: all keys are declared whatever the text says.
-//! [`Reader::finish`] then reports the most basic fault: unknown keys, wrong types, missing keys, values out of their
-//! range, and last values that contradict each other. A reader without a text [describes](Reader::describe) the keys.
+//! Reading continues after a fault with a substitute value: all keys are declared whatever the text
+//! says. [`Reader::finish`] then reports the most basic fault: unknown keys, wrong types, missing
+//! keys, values out of their range, and last values that contradict each other. A reader without a
+//! text [describes](Reader::describe) the keys.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -48,12 +49,14 @@ pub(crate) enum Rank {
     Contradiction,
 }
 
-/// A value that was read well, with a hash of all its [bound](crate::Section::apart) keys and their values.
+/// A value that was read well, with a hash of all its [bound](crate::Section::apart) keys
+/// and their values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Checked<T> {
     /// The value.
     pub value: T,
-    /// FNV-1a-64 over the lines `path=value` of the bound keys, sorted; values left out count as their defaults.
+    /// FNV-1a-64 over the lines `path=value` of the bound keys, sorted; values left out count
+    /// as their defaults.
     pub hash: u64,
 }
 

@@ -31,7 +31,8 @@ pub struct Schema {
     keys: Vec<Key>,
 }
 
-/// Tables of the same keys, such as `homing.x` and `homing.y`, or one key, or the same key of those tables.
+/// Tables of the same keys, such as `homing.x` and `homing.y`, or one key, or the same key
+/// of those tables.
 struct Row<'a> {
     same: Vec<&'a Key>,
     depth: usize,
@@ -48,8 +49,8 @@ impl Schema {
         &self.keys
     }
 
-    /// A Markdown table: key (● after it: [bound](Key::is_bound)), unit, right values, default, and meaning. Tables
-    /// of the same keys share their lines.
+    /// A Markdown table: key (● after it: [bound](Key::is_bound)), unit, right values, default, and
+    /// meaning. Tables of the same keys share their lines.
     pub fn markdown(&self) -> String {
         let mut text = "| key | unit | value | if left out | meaning |\n|---|---|---|---|---|\n".to_owned();
         for row in rows(&self.keys.iter().collect::<Vec<_>>(), "", 0) {

@@ -66,7 +66,8 @@ impl<'r> Section<'r> {
         self.reader.refuse(&self.path(key), expected);
     }
 
-    /// Binds other files to this value in place of the key's own, from which it follows with keys that are read apart.
+    /// Binds other files to this value in place of the key's own, from which it follows with keys
+    /// that are read apart.
     pub fn bind(&self, key: &str, value: &dyn fmt::Debug) {
         self.reader.state.borrow_mut().bound.insert(self.path(key), format!("{value:?}"));
     }
@@ -82,14 +83,16 @@ impl<'r> Section<'r> {
         self.open(key, about, "each key its default").0
     }
 
-    /// A table that may be left out; `absent` is the book's text for that. While a schema is described it is there.
+    /// A table that may be left out; `absent` is the book's text for that. While a schema is
+    /// described it is there.
     pub fn optional_section(&self, key: &'static str, absent: &'static str, about: &'static str) -> Option<Self> {
         let (inner, is_missing) = self.open(key, about, absent);
         (!is_missing || self.is_describing()).then_some(inner)
     }
 
-    /// Tables whose names the writer of the text chooses, in the table `key`, which may be left out; in the order of
-    /// their lines. In the schema they are one with this name. Each name is leaked, as keys are.
+    /// Tables whose names the writer of the text chooses, in the table `key`, which may be left
+    /// out; in the order of their lines. In the schema they are one with this name. Each name is
+    /// leaked, as keys are.
     pub fn named_sections(
         &self,
         key: &'static str,

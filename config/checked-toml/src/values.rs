@@ -231,7 +231,8 @@ impl<'r> Section<'r> {
         Field::new(self, key, String::new(), value, show).described(expected.to_owned(), expected.to_owned(), "")
     }
 
-    /// A text of several lines, each with its line number in the file. `expected` describes them in words.
+    /// A text of several lines, each with its line number in the file. `expected`
+    /// describes them in words.
     pub fn lines(&self, key: &'static str, expected: &str) -> Field<'r, Vec<(usize, String)>> {
         self.declare(key);
         let value = self.value(key).and_then(|value| {

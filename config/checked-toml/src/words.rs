@@ -18,7 +18,8 @@ pub(crate) fn one_of_in_book<T>(choices: &[(&'static str, T)]) -> String {
     alternatives(choices.iter().map(|(word, _)| format!("`\"{word}\"`")).collect())
 }
 
-/// The word that was probably meant: one that differs from the written one by its case, or by little else.
+/// The word that was probably meant: one that differs from the written one by its case,
+/// or by little else.
 pub fn closest<'a>(written: &str, words: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let written = written.to_ascii_lowercase();
     let alike = words

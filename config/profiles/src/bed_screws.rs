@@ -11,8 +11,8 @@ const PLACE: Range = range(-1_000.0, 2_000.0, "mm");
 /// Longest name, bytes.
 const MAX_NAME: usize = 24;
 
-/// The bed's screws, if the profile names some; `reach_mm` is the part of the bed that the probe reaches along X and
-/// Y.
+/// The bed's screws, if the profile names some; `reach_mm` is the part of the bed that the probe
+/// reaches along X and Y.
 pub(crate) fn bed_screws(
     keys: &Section<'_>,
     reach_mm: &[[f64; 2]; 2],

@@ -8,10 +8,12 @@ const MOVE: Range = range(100.0, 5_000.0, "ms");
 /// Klipper's `pin_move_time`.
 const DEFAULT_MOVE_MS: f64 = 680.0;
 
-/// Maximum distance of a deployed pin below the place where it triggers, mm: it goes in a little before that.
+/// Maximum distance of a deployed pin below the place where it triggers, mm: it goes in a
+/// little before that.
 const PIN_MM: f64 = 2.0;
 
-/// Maximum time on the bed after the signal for a pin that is not called in, s; after that it raises its alarm.
+/// Maximum time on the bed after the signal for a pin that is not called in, s; after that it
+/// raises its alarm.
 const ALARM_S: f64 = 0.65;
 
 /// The probe's pin; `None`: it is fixed.

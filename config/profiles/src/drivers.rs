@@ -14,8 +14,8 @@ pub(crate) const MIN_GAP_US: f64 = MIN_GAP_TICKS as f64 * 1e6 / TICKS_PER_SECOND
 /// A motor's full steps a turn if a profile does not say: 1.8 degrees each.
 const USUAL_FULL_STEPS_PER_TURN: f64 = 200.0;
 
-/// Tolerance of the steps a mm against those that the screw makes: a calibrated extruder's differ a little, a slip is
-/// a factor of 1.2 or more.
+/// Tolerance of the steps a mm against those that the screw makes: a calibrated extruder's differ a
+/// little, a slip is a factor of 1.2 or more.
 const SCREW_TOLERANCE: f64 = 0.05;
 
 const PULSE_WIDTH: Range = range(0.01, 50.0, "us");
@@ -92,7 +92,8 @@ pub(crate) fn driver(keys: &Section<'_>, motor: &str, steps_per_mm: f64, both_ed
     Some(settings(&table, motor, steps_per_mm, both_edges))
 }
 
-/// Settings of one motor's driver. The board's check decides whether its sense resistors allow the current.
+/// Settings of one motor's driver. The board's check decides whether its sense resistors
+/// allow the current.
 fn settings(table: &Section<'_>, motor: &str, steps_per_mm: f64, both_edges: bool) -> DriverSettings {
     let current_ma = table
         .whole("current_ma", DRIVER_CURRENT)
@@ -128,8 +129,8 @@ fn settings(table: &Section<'_>, motor: &str, steps_per_mm: f64, both_edges: boo
     }
 }
 
-/// Steps a mm, microsteps and the length of a turn are three ways to say two things: a slip in one of them shows. A Z screw
-/// with the wrong microsteps halves every layer.
+/// Steps a mm, microsteps and the length of a turn are three ways to say two things: a slip in one
+/// of them shows. A Z screw with the wrong microsteps halves every layer.
 fn steps_follow_from_the_screw(table: &Section<'_>, motor: &str, steps_per_mm: f64, microsteps: u16) {
     let written = table
         .number("full_steps_per_turn", FULL_STEPS_PER_TURN)

@@ -10,14 +10,17 @@ const BUDGET: Range = range(0.001, 1.0, "mm");
 const FREQUENCY: Range = range(AxisShaper::FREQUENCY_HZ[0], AxisShaper::FREQUENCY_HZ[1], "Hz");
 const DAMPING: Range = range(0.0, 0.6, "");
 
-/// Maximum uncertainty of a frame's frequency, as a share of it: a frame that is known worse gives no limit.
+/// Maximum uncertainty of a frame's frequency, as a share of it: a frame that is known
+/// worse gives no limit.
 const MAX_UNCERTAINTY: f64 = 0.5;
 
-/// The least acceleration that a budget may lead to, mm/s^2. A machine that accelerates less has better uses for a smaller error.
+/// The least acceleration that a budget may lead to, mm/s^2. A machine that accelerates less has
+/// better uses for a smaller error.
 const MIN_ACCELERATION_MM_PER_S2: f64 = 100.0;
 
-/// The part of the largest error that 99 % of the time stays below, on the examples of the book's page with filters of every length
-/// and frequencies right and wrong. The nozzle is farther off for moments only.
+/// The part of the largest error that 99 % of the time stays below, on the examples of the book's
+/// page with filters of every length and frequencies right and wrong. The nozzle is farther off
+/// for moments only.
 const PART_OF_LARGEST: f64 = 0.75;
 
 /// A profile's error budget, and the frame that causes the errors.
@@ -113,17 +116,18 @@ impl ErrorBudget {
 struct AxisError {
     response: Response,
     junction_deviation_mm: f64,
-    /// The most by which the speed may jump at a corner, mm/s; infinite where only the arc limits it.
+    /// The most by which the speed may jump at a corner, mm/s; infinite where only
+    /// the arc limits it.
     max_jump_mm_per_s: f64,
     step_mm: f64,
 }
 
 impl AxisError {
-    /// The error, mm, at an acceleration, mm/s^2: that of the acceleration's jump and of the largest jump of the speed at one time, and
-    /// half a step.
+    /// The error, mm, at an acceleration, mm/s^2: that of the acceleration's jump and of the
+    /// largest jump of the speed at one time, and half a step.
     ///
-    /// The speed jumps by 2 v sin(t/2) at a corner that turns by t, which is passed at v^2 = a delta c / (1 - c) with c = cos(t/2). That
-    /// is a delta 4 c (1 + c) squared, at most 8 a delta.
+    /// The speed jumps by 2 v sin(t/2) at a corner that turns by t, which is passed at v^2 = a
+    /// delta c / (1 - c) with c = cos(t/2). That is a delta 4 c (1 + c) squared, at most 8 a delta.
     fn of_acceleration(&self, acceleration: f64) -> f64 {
         let jump = (8.0 * acceleration * self.junction_deviation_mm).sqrt().min(self.max_jump_mm_per_s);
         let swing_mm = self.response.of_acceleration_s2 * acceleration + self.response.of_speed_s * jump;

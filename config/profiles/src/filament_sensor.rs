@@ -11,7 +11,8 @@ const SWITCH_DEBOUNCE_S: f64 = 0.5;
 
 /// A motion sensor's level lasts no longer than its filament takes from edge to edge.
 const MAX_MOTION_DEBOUNCE_S: f64 = 0.05;
-/// Contacts bounce for a few milliseconds; at 100 mm/s of filament an edge comes every 29 ms from a sensor with 2.88 mm.
+/// Contacts bounce for a few milliseconds; at 100 mm/s of filament an edge comes every 29 ms from a
+/// sensor with 2.88 mm.
 const MOTION_DEBOUNCE_S: f64 = 0.005;
 
 /// BIGTREETECH's of its first smart filament sensor, and Klipper's `detection_length`.

@@ -26,8 +26,9 @@ const BETA: Range = range(2_000.0, 6_000.0, "K");
 const POINT_CELSIUS: Range = range(-50.0, 500.0, "degrees Celsius");
 const POINT_OHM: Range = range(1.0, 10_000_000.0, "ohms");
 const PULL_UP: Range = range(100.0, 100_000.0, "ohms");
-// Long times and small rises would let a failed heater go unnoticed until something melts; short times and large rises trip
-// on a sound one. A weak bed gains a degree a minute, and melts nothing in five.
+// Long times and small rises would let a failed heater go unnoticed until something melts; short
+// times and large rises trip on a sound one. A weak bed gains a degree a minute, and melts
+// nothing in five.
 const WATCH: Range = range(5.0, 120.0, "s");
 const BED_WATCH: Range = range(5.0, 300.0, "s");
 const WATCH_RISE: Range = range(1.0, 20.0, "degrees");
@@ -141,7 +142,8 @@ pub(crate) fn chamber(keys: &Section<'_>) -> Option<ChamberSettings> {
     Some(ChamberSettings { thermistor, heater, settings })
 }
 
-/// The nozzle of a further tool, and the model that controls it if one does: T0's values replace missing keys.
+/// The nozzle of a further tool, and the model that controls it if one does: T0's values
+/// replace missing keys.
 pub(crate) fn further_nozzle(table: &Section<'_>, first: &HeaterSettings) -> (HeaterSettings, Option<HeaterModel>) {
     const NAME: &str = "tools.t1.nozzle";
     let kind = Kind { watch: first.watch, mass: first.mass, base: Some(first), ..NOZZLE };

@@ -1,4 +1,5 @@
-//! Homing of the axes: places, order, sensors, and the keys that keep the nozzle off the bed meanwhile.
+//! Homing of the axes: places, order, sensors, and the keys that keep the nozzle off
+//! the bed meanwhile.
 
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_planner::Limits;
@@ -15,8 +16,8 @@ const RAISE: Range = range(0.5, 50.0, "mm");
 const PROBE_OFFSET: Range = range(-300.0, 300.0, "mm");
 const BED: Range = range(-2_000.0, 2_000.0, "mm");
 
-/// Default of `overrun_mm`: how much longer than the travel the frame may be, and how far apart two approaches may
-/// end.
+/// Default of `overrun_mm`: how much longer than the travel the frame may be, and how far apart two
+/// approaches may end.
 const DEFAULT_OVERRUN_MM: f64 = 5.0;
 const DEFAULT_AGREE_MM: f64 = 0.5;
 /// The same of a probe, which triggers without a stalling motor in between.
@@ -246,8 +247,8 @@ impl Lengths {
     }
 }
 
-/// Checks the requirements of a stall signal: a driver that gives one, and a motor that is fast enough for it on both
-/// approaches.
+/// Checks the requirements of a stall signal: a driver that gives one, and a motor that is fast
+/// enough for it on both approaches.
 fn by_stall(
     table: &Section<'_>,
     axis: &str,

@@ -1,8 +1,9 @@
 //! Machines as TOML: the built-in profiles, profiles from files, and the checks both pass.
 //!
-//! A key is one line of code that reads it, with its range, its default and its meaning (`src/machine.rs` and its
-//! neighbours); the book's table of keys is made from the same lines ([`schema`]). Unknown keys are refused, so that a misspelt
-//! one cannot quietly leave a value at a default.
+//! A key is one line of code that reads it, with its range, its default and its meaning
+//! (`src/machine.rs` and its neighbours); the book's table of keys is made from the same
+//! lines ([`schema`]). Unknown keys are refused, so that a misspelt one cannot quietly leave
+//! a value at a default.
 #![forbid(unsafe_code)]
 
 mod axes;
@@ -56,13 +57,14 @@ pub fn builtin_text(name: &str) -> Option<&'static str> {
 ///
 /// # Errors
 ///
-/// [`Problem::Read`] if the file cannot be read, is not UTF-8 or is larger than 1 MiB; otherwise as [`parse`].
+/// [`Problem::Read`] if the file cannot be read, is not UTF-8 or is larger than 1 MiB;
+/// otherwise as [`parse`].
 pub fn load(name_or_path: &str) -> Result<Profile, ProfileError> {
     parse(&text(name_or_path)?, name_or_path)
 }
 
-/// The error for a value that the profile may have but its board cannot serve: `key` is the full path, `expected` names the
-/// values that the board can.
+/// The error for a value that the profile may have but its board cannot serve: `key` is the full
+/// path, `expected` names the values that the board can.
 pub fn refuse(name_or_path: &str, key: &str, value: &str, expected: &str) -> ProfileError {
     let line = text(name_or_path).ok().and_then(|text| line_of_key(&text, key));
     let problem = Problem::OutOfRange { key: key.to_owned(), value: value.to_owned(), expected: expected.to_owned() };
@@ -82,21 +84,21 @@ pub fn text(name_or_path: &str) -> Result<String, ProfileError> {
 
 /// Parses and checks a profile; `origin` (a path or a name) precedes the line number in errors.
 ///
-/// The texts in a [`Profile`] are `'static`, so each call leaks them (its names, at most 100 bytes, and its macros, at most 4096): a
-/// program reads the profile of its machine once.
+/// The texts in a [`Profile`] are `'static`, so each call leaks them (its names, at most 100 bytes,
+/// and its macros, at most 4096): a program reads the profile of its machine once.
 ///
 /// # Errors
 ///
-/// The first problem found: TOML syntax, then unknown, missing or mistyped keys, then values out of their range, then
-/// values that contradict each other.
+/// The first problem found: TOML syntax, then unknown, missing or mistyped keys, then values out of
+/// their range, then values that contradict each other.
 pub fn parse(text: &str, origin: &str) -> Result<Profile, ProfileError> {
     let Checked { value: (profile, texts, _), hash } = read(text, origin)?;
     let [name, model_names, macros] = texts.map(|text| &*Box::leak(text.into_boxed_str()));
     Ok(Profile { name, model_names, macros, plan_hash: hash, ..profile })
 }
 
-/// Reads the error budget and the frame from a profile's text. The accelerations that follow from them are in the
-/// [`Profile`].
+/// Reads the error budget and the frame from a profile's text. The accelerations that follow from
+/// them are in the [`Profile`].
 ///
 /// # Errors
 /// As [`parse`].

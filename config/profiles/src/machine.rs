@@ -26,7 +26,8 @@ const JUNCTION_DEVIATION: Range = range(0.000_1, 1.0, "mm");
 /// Maximum difference between the two settings of the speed in a corner, as a share of it.
 const CORNER_TOLERANCE: f64 = 0.05;
 const CORNER_VELOCITY: Range = range(0.001, 1_000.0, "mm/s");
-// A step has two levels or, at its closest, a direction change before it: each takes a gap of the step interrupt.
+// A step has two levels or, at its closest, a direction change before it: each takes a gap of
+// the step interrupt.
 const EVENT_INTERVAL: Range = range(2.0 * MIN_GAP_US, 100.0, "us");
 const MIN_EXTRUSION: Range = range(0.0, 400.0, "degrees Celsius");
 const HEATER_TIMEOUT: Range = range(0.0, 65_535.0, "s");
@@ -41,10 +42,10 @@ const MAX_NAME: usize = 32;
 /// Longest list of names, bytes.
 const MAX_MODEL_NAMES: usize = 64;
 
-/// The machine. Its name, its models' names and its macros are separate, because a [`Profile`] needs them `'static`;
-/// so is the budget, which only the desk needs.
-/// A prepared job is bound to every key but those that are read `apart`: these change neither the plan nor the
-/// demands of the plan on the machine.
+/// The machine. Its name, its models' names and its macros are separate, because a [`Profile`]
+/// needs them `'static`; so is the budget, which only the desk needs. A prepared job is bound to
+/// every key but those that are read `apart`: these change neither the plan nor the demands of the
+/// plan on the machine.
 pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget) {
     let apart = keys.apart();
     let name = name(&apart);
@@ -232,8 +233,8 @@ fn limits(keys: &Section<'_>) -> Limits {
     }
 }
 
-/// Returns true if corners keep their speed at every acceleration. The profile then has this speed besides the
-/// deviation, and the two are checked against each other.
+/// Returns true if corners keep their speed at every acceleration. The profile then has this speed
+/// besides the deviation, and the two are checked against each other.
 fn holds_corner_speed(keys: &Section<'_>, limits: &Limits) -> bool {
     let about = "speed in a corner of 90° at every acceleration, as Klipper's: M204 then changes the deviation, not the speed; it is the \
                  one that `junction_deviation_mm` makes at `acceleration_mm_per_s2.print`";

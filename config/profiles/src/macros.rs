@@ -66,8 +66,8 @@ impl Flat {
     }
 }
 
-/// The macros in the form that the printer reads; empty if one is wrong, which is noted. `at_change` are the names of
-/// those before and after a change of the tool.
+/// The macros in the form that the printer reads; empty if one is wrong, which is noted.
+/// `at_change` are the names of those before and after a change of the tool.
 pub(crate) fn macros(keys: &Section<'_>, at_change: [Option<&str>; 2]) -> String {
     let sections = keys.named_sections(
         "macro",
@@ -133,7 +133,8 @@ fn is_name(name: &str, least: usize) -> bool {
         && name.bytes().all(|byte| is_letter(byte) || byte.is_ascii_digit())
 }
 
-/// A macro may take the place of a name that is known and not executed, such as START_PRINT, but of no command.
+/// A macro may take the place of a name that is known and not executed, such as START_PRINT,
+/// but of no command.
 fn check_name(keys: &Section<'_>, one: &Macro<'_>) {
     let shown = format!("macro.{}", one.name);
     if !is_name(one.name, 2) {
@@ -157,7 +158,8 @@ fn without_comment(line: &str) -> &str {
     line.split(';').next().unwrap_or_default().trim()
 }
 
-/// The parts of a line: text, and in between `KEY` or `KEY=DEFAULT`. `None`: a brace without its other half.
+/// The parts of a line: text, and in between `KEY` or `KEY=DEFAULT`. `None`: a brace
+/// without its other half.
 fn parts(line: &str) -> Option<(Vec<&str>, &str)> {
     let (mut parts, mut rest) = (Vec::new(), line);
     while let Some((before, after)) = rest.split_once('{') {
@@ -182,7 +184,8 @@ fn replaced(line: &str, mut put: impl FnMut(&str) -> String) -> String {
     text + rest
 }
 
-/// A macro with the lines of those that it calls in their places. `None`: something is wrong, and noted.
+/// A macro with the lines of those that it calls in their places. `None`: something is
+/// wrong, and noted.
 fn flatten<'m>(
     one: &'m Macro<'_>,
     all: &'m [Macro<'_>],
@@ -287,7 +290,8 @@ fn check_at_change(keys: &Section<'_>, shown: &str, flat: &mut Flat) {
     }
 }
 
-/// Reads each line for a trial, with the defaults. Lines of other macros have been read there; here their words may be others.
+/// Reads each line for a trial, with the defaults. Lines of other macros have been read there; here
+/// their words may be others.
 fn check_lines(one: &Macro<'_>, flat: &Flat) {
     for (place, line) in &flat.lines {
         let trial = replaced(line, |key| flat.trial(key));
@@ -308,7 +312,8 @@ fn check_lines(one: &Macro<'_>, flat: &Flat) {
     }
 }
 
-/// Reason to refuse a command in a macro: the words that follow "expected"; `None` if it is allowed.
+/// Reason to refuse a command in a macro: the words that follow "expected"; `None`
+/// if it is allowed.
 fn refused(command: &Command<'_>) -> Option<&'static str> {
     match command {
         Command::Unknown(_) => Some("a command, or the name of a macro"),

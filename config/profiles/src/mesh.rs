@@ -17,12 +17,13 @@ const SHEET: Range = range(-5.0, 5.0, "mm");
 const SCATTER: Range = range(0.0, 1.0, "mm");
 const SAMPLES: Range = range(1.0, 10.0, "approaches");
 
-/// Distance of the first and last points from the bed's ends where no area is set: that of Prusa (MIN_PROBE_EDGE). On the edge a
-/// probe may miss the sheet.
+/// Distance of the first and last points from the bed's ends where no area is set: that of Prusa
+/// (MIN_PROBE_EDGE). On the edge a probe may miss the sheet.
 const DEFAULT_EDGE_MM: f64 = 5.0;
 /// Prusa's number of points for a bed of 180 mm.
 const DEFAULT_POINTS: [f64; 2] = [4.0, 4.0];
-/// Height at which the correction has faded: a layer's height is no longer visible there, and the top is far.
+/// Height at which the correction has faded: a layer's height is no longer visible there,
+/// and the top is far.
 const DEFAULT_FADE_MM: f64 = 10.0;
 /// More than beds are bent, and little enough for a nozzle that presses on a sheet.
 const DEFAULT_DEPTH_MM: f64 = 1.0;

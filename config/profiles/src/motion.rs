@@ -26,8 +26,8 @@ const MIN_ACCELERATION_MM_PER_S2: f64 = 100.0;
 
 const AXES_SMOOTH_TIME: Range = range(SMOOTH_TIME_S[0], SMOOTH_TIME_S[1], "s");
 
-/// The methods and their settings. Prepared jobs hold trapezoids, so that settings of S-curves do not bind them;
-/// shapers change the motion as it is played, so that they do not bind them either.
+/// The methods and their settings. Prepared jobs hold trapezoids, so that settings of S-curves do
+/// not bind them; shapers change the motion as it is played, so that they do not bind them either.
 pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
     let default = MotionChoice::DEFAULT;
     let interpolation = keys
@@ -74,8 +74,8 @@ pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
     choice
 }
 
-/// Maximum distance of the filtered path from the programmed one. Accelerations and corners follow from it and the
-/// filters, so that prepared jobs are for both.
+/// Maximum distance of the filtered path from the programmed one. Accelerations and corners follow
+/// from it and the filters, so that prepared jobs are for both.
 fn path_tolerance(keys: &Section<'_>, choice: &MotionChoice) -> Option<f64> {
     let tolerance_mm = keys.apart().number("path_tolerance_mm", PATH_TOLERANCE).optional(
         "corners are rounded as the filters round them",
@@ -111,8 +111,8 @@ pub(crate) fn is_shaped(choice: &MotionChoice) -> bool {
         || choice.shapers.iter().any(|shaper| shaper.kind != ShaperKind::None)
 }
 
-/// Pressure advance of an extruder, the lead with which it runs ahead of the flow; `None` without the table, which
-/// then means `default`.
+/// Pressure advance of an extruder, the lead with which it runs ahead of the flow; `None` without
+/// the table, which then means `default`.
 pub(crate) fn pressure_advance(keys: &Section<'_>, default: &'static str) -> Option<PressureAdvance> {
     let about = "how far the extruder [runs ahead of the flow](pressure-advance.md); M900, M572 and SET_PRESSURE_ADVANCE change it";
     let table = keys.optional_section("pressure_advance", default, about)?;

@@ -16,8 +16,9 @@ pub struct FrameMode {
     pub damping: f64,
 }
 
-/// The largest distances from the commanded motion that one change of it causes while an earlier one of the same size
-/// still rings, apart from a delay of the whole axis: a delay leaves the nozzle on its path.
+/// The largest distances from the commanded motion that one change of it causes while an earlier
+/// one of the same size still rings, apart from a delay of the whole axis: a delay leaves the
+/// nozzle on its path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
     /// mm for each mm/s^2 by which the acceleration jumps: s^2.
@@ -29,19 +30,20 @@ pub struct Response {
 /// Number of frequencies that are tried over the frame's range, its ends included.
 const FREQUENCIES: u32 = 9;
 
-/// Damping ratios that are tried: parts of the one that was measured, which is known far worse than the frequency.
+/// Damping ratios that are tried: parts of the one that was measured, which is known far worse
+/// than the frequency.
 const DAMPING_PARTS: [f64; 3] = [0.5, 1.0, 1.5];
 
-/// Time for which the response is followed after the last impulse, periods of the mode. The first swing is the
-/// largest.
+/// Time for which the response is followed after the last impulse, periods of the mode. The first
+/// swing is the largest.
 const FOLLOWED_PERIODS: f64 = 2.0;
 
 /// Points of a period.
 const POINTS: f64 = 48.0;
 
 impl FrameMode {
-    /// The worst response, over the frequencies that the frame may have and half to one and a half times the damping, to a command
-    /// that goes through this kernel.
+    /// The worst response, over the frequencies that the frame may have and half to one and a half
+    /// times the damping, to a command that goes through this kernel.
     pub fn worst(&self, kernel: &[Impulse]) -> Response {
         let mut worst = Response { of_acceleration_s2: 0.0, of_speed_s: 0.0 };
         for place in 0..FREQUENCIES {
@@ -124,7 +126,8 @@ impl Mode {
         0.5 * time_s * time_s - lag_mm + self.compliance_s2() + self.ringing(time_s, self.start_of_acceleration())
     }
 
-    /// Offset of the mode at constant acceleration, mm from a command that is as late as the mode, for each mm/s^2.
+    /// Offset of the mode at constant acceleration, mm from a command that is as late as the mode,
+    /// for each mm/s^2.
     fn compliance_s2(&self) -> f64 {
         (4.0 * self.damping * self.damping - 1.0) / (self.omega * self.omega)
     }
@@ -155,7 +158,8 @@ impl Mode {
     }
 }
 
-/// The impulses of a filter: those of a shaper, each of them followed by a moving average over `smooth_ticks`, 0 for none.
+/// The impulses of a filter: those of a shaper, each of them followed by a moving average over
+/// `smooth_ticks`, 0 for none.
 pub fn impulses(kernel: &Kernel, smooth_ticks: u32) -> Vec<Impulse> {
     let parts = if smooth_ticks > 0 { AVERAGE_PARTS } else { 1 };
     let part = f64::from(smooth_ticks) / f64::from(parts);
@@ -201,7 +205,8 @@ mod tests {
     fn a_bare_undamped_frame_swings_by_the_textbook() {
         let omega = TAU * 50.0;
         let bare = worst(ShaperKind::None, 0.0, 0.0);
-        // Twice the offset at constant acceleration, and once more for the vibration that never decays.
+        // Twice the offset at constant acceleration, and once more for the vibration
+        // that never decays.
         assert!((bare.of_acceleration_s2 * omega * omega - 3.0).abs() < 0.01, "{bare:?}");
         assert!((bare.of_speed_s * omega - 2.0).abs() < 0.01, "{bare:?}");
     }
@@ -209,7 +214,8 @@ mod tests {
     #[test]
     fn a_shaper_of_the_right_frequency_leaves_what_it_and_the_frame_round() {
         let omega = TAU * 50.0;
-        // The end of ZV's step response counts, where half of it is over: after 1/4 period the mode lags most.
+        // The end of ZV's step response counts, where half of it is over: after 1/4 period
+        // the mode lags most.
         let zv = worst(ShaperKind::Zv, 0.0, 0.0);
         let [rounded, compliance] = [0.5 / 16.0 / (50.0 * 50.0), 1.0 / (omega * omega)];
         assert!(zv.of_acceleration_s2 >= rounded - compliance && zv.of_acceleration_s2 < 0.4 * compliance, "{zv:?}");

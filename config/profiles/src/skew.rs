@@ -16,7 +16,8 @@ const PLANES: [(&str, &str); 3] = [
     ("yz", "of Y and Z, by a printed square that stands"),
 ];
 
-/// The skew of the axes, by measured lengths or by Marlin's and Klipper's factors; none without the table.
+/// The skew of the axes, by measured lengths or by Marlin's and Klipper's factors; none
+/// without the table.
 pub(crate) fn skew(keys: &Section<'_>) -> Skew {
     let about = "how far the axes are off their [right angles](skew.md) (M852, SET_SKEW)";
     let Some(table) = keys.optional_section("skew", "axes at right angles", about) else { return Skew::NONE };

@@ -15,11 +15,12 @@ const FIRST: &str = "z";
 pub(crate) const SOCKETS: [&str; 4] = ["z2", "e1", "e2", "e3"];
 /// Longest name of a point, bytes.
 const MAX_NAME: usize = 24;
-/// Maximum ratio of the error at a motor to that of the probe at the points, all of them in the worst directions.
+/// Maximum ratio of the error at a motor to that of the probe at the points, all of them in the
+/// worst directions.
 const MAX_LEVER: f64 = 10.0;
 
-/// The motors of Z, if the profile names several; `reach_mm` is the part of the bed that the probe reaches along X
-/// and Y.
+/// The motors of Z, if the profile names several; `reach_mm` is the part of the bed that the probe
+/// reaches along X and Y.
 pub(crate) fn z_motors(
     keys: &Section<'_>,
     reach_mm: &[[f64; 2]; 2],
@@ -173,17 +174,17 @@ fn alignment(
     Some(alignment)
 }
 
-/// The weights with which the heights of Z's motors, at these places, make that of another place; lengths in units of 10 nm. `None` for
-/// places that no profile may have.
+/// The weights with which the heights of Z's motors, at these places, make that of another place;
+/// lengths in units of 10 nm. `None` for places that no profile may have.
 pub fn heights_by_motors(motors_10nm: &[[i64; 2]], place_10nm: [i64; 2]) -> Option<Vec<f64>> {
     let mm = |place: [i64; 2]| place.map(|length| length as f64 / 100_000.0);
     let motors_mm: Vec<[f64; 2]> = motors_10nm.iter().map(|place| mm(*place)).collect();
     Shape::of(&motors_mm)?.weights(&motors_mm, &[mm(place_10nm)])?.pop()
 }
 
-/// Shape of the surface between the motors. Two motors lift a line, and leave what is across it alone. Three lift a
-/// plane. Four at the corners of a frame lift its sides, which are straight, and between them each line along X is
-/// straight, and each along Y.
+/// Shape of the surface between the motors. Two motors lift a line, and leave what is across it
+/// alone. Three lift a plane. Four at the corners of a frame lift its sides, which are straight,
+/// and between them each line along X is straight, and each along Y.
 struct Shape {
     motors: usize,
     /// Middle of the motors, and how far apart they are: numbers near 1 keep the sums exact.
@@ -220,8 +221,9 @@ impl Shape {
         }
     }
 
-    /// Weights of the heights at the points for the height at each motor's place: those of the surface of this shape
-    /// that is nearest to the heights (least squares). `None` if the points do not determine one.
+    /// Weights of the heights at the points for the height at each motor's place: those of the
+    /// surface of this shape that is nearest to the heights (least squares). `None` if the points
+    /// do not determine one.
     fn weights(&self, points_mm: &[[f64; 2]], places_mm: &[[f64; 2]]) -> Option<Vec<Vec<f64>>> {
         let rows: Vec<Vec<f64>> = points_mm.iter().map(|point| self.parts(*point)).collect();
         // The normal equations, each point's height a column of their right side.
@@ -240,8 +242,8 @@ impl Shape {
     }
 }
 
-/// Solves linear equations, one a row, for all columns after the square (Gauss and Jordan, with the largest pivot);
-/// `None` if they do not have one solution.
+/// Solves linear equations, one a row, for all columns after the square (Gauss and Jordan, with the
+/// largest pivot); `None` if they do not have one solution.
 fn solve(mut rows: Vec<Vec<f64>>) -> Option<Vec<Vec<f64>>> {
     for column in 0..rows.len() {
         let pivot = (column..rows.len()).max_by(|&a, &b| rows[a][column].abs().total_cmp(&rows[b][column].abs()))?;

@@ -1,7 +1,8 @@
-//! Version and commit of the package that is being built, for build scripts: `0.1.0 (commit abcdef0)`.
+//! Version and commit of the package that is being built, for build scripts:
+//! `0.1.0 (commit abcdef0)`.
 //!
-//! The text depends on the sources alone: no date, no machine. `-dirty` follows the commit where a source differs from it, and
-//! sources without a repository (an archive) have `commit unknown`.
+//! The text depends on the sources alone: no date, no machine. `-dirty` follows the commit where a
+//! source differs from it, and sources without a repository (an archive) have `commit unknown`.
 #![forbid(unsafe_code)]
 
 mod sources;
@@ -26,8 +27,8 @@ pub struct Version {
 }
 
 impl Version {
-    /// The version of a package that is being built, with the commit of the repository at `root`; `package` is its folder there.
-    /// What goes into it follows from the packages' manifests.
+    /// The version of a package that is being built, with the commit of the repository at `root`;
+    /// `package` is its folder there. What goes into it follows from the packages' manifests.
     ///
     /// # Errors
     /// A manifest cannot be read.
@@ -36,7 +37,8 @@ impl Version {
         Ok(Self::of(number, root, &sources.iter().map(String::as_str).collect::<Vec<_>>()))
     }
 
-    /// Describes the package with this number and these sources: files and folders relative to `root`.
+    /// Describes the package with this number and these sources: files and folders
+    /// relative to `root`.
     fn of(number: &str, root: &Path, sources: &[&str]) -> Self {
         let mut depends_on: Vec<PathBuf> = sources.iter().map(|source| root.join(source)).collect();
         let commit = Repository::at(root).map(|repository| {
@@ -105,7 +107,8 @@ mod tests {
         assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
     }
 
-    /// True if git is installed: sources can be built without it, and then there is no repository to test with.
+    /// True if git is installed: sources can be built without it, and then there is no
+    /// repository to test with.
     fn has_git() -> bool {
         Command::new("git").arg("--version").output().is_ok_and(|output| output.status.success())
     }

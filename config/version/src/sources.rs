@@ -1,4 +1,5 @@
-//! The sources of a package: its folder and those of all packages of the repository that it is made from.
+//! The sources of a package: its folder and those of all packages of the repository that
+//! it is made from.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -8,8 +9,8 @@ use std::path::{Component, Path};
 /// Files that decide how everything is built.
 const OF_ALL: [&str; 4] = [".cargo/config.toml", "Cargo.lock", "Cargo.toml", "rust-toolchain.toml"];
 
-/// Files and folders, relative to `root`, that go into the package in the folder `package`, without those that only
-/// tests use.
+/// Files and folders, relative to `root`, that go into the package in the folder `package`, without
+/// those that only tests use.
 ///
 /// # Errors
 /// A manifest cannot be read.
@@ -31,8 +32,8 @@ pub fn of_package(root: &Path, package: &str) -> io::Result<Vec<String>> {
     Ok(OF_ALL.into_iter().map(str::to_owned).chain(folders).collect())
 }
 
-/// The packages of the repository, with their folders, that the chosen sections of a manifest in `folder` name. A dependency is
-/// one line, as everywhere in the repository.
+/// The packages of the repository, with their folders, that the chosen sections of a manifest in
+/// `folder` name. A dependency is one line, as everywhere in the repository.
 fn paths(
     manifest: &str,
     folder: &str,

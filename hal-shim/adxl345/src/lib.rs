@@ -1,8 +1,10 @@
-//! The accelerometer ADXL345 over SPI: its identity, rate, resolution, and the samples in its memory.
+//! The accelerometer ADXL345 over SPI: its identity, rate, resolution, and the
+//! samples in its memory.
 //!
-//! Registers and bits are those of the ADXL345 data sheet, revision G: *Register map*, *Register definitions*, *FIFO*. The
-//! bus is any [`SpiDevice`] of four wires in mode 3, which may be clocked at 1.6 MHz at most: up to there a sample's address
-//! takes the 5 us that the memory needs from one sample to the next (*Retrieving data from FIFO*).
+//! Registers and bits are those of the ADXL345 data sheet, revision G: *Register map*, *Register
+//! definitions*, *FIFO*. The bus is any [`SpiDevice`] of four wires in mode 3, which may be clocked
+//! at 1.6 MHz at most: up to there a sample's address takes the 5 us that the memory needs from one
+//! sample to the next (*Retrieving data from FIFO*).
 #![cfg_attr(not(test), no_std)]
 
 use embedded_hal::spi::SpiDevice;
@@ -18,7 +20,8 @@ pub const TYPE: AccelerometerType = AccelerometerType {
 /// Fastest clock at which samples may follow each other without a pause, Hz.
 pub const MAX_CLOCK_HZ: u32 = 1_600_000;
 
-/// Bits of a frame's first byte: the register is read (`READ`), and the registers after it follow (`MANY`).
+/// Bits of a frame's first byte: the register is read (`READ`), and the registers after it
+/// follow (`MANY`).
 const READ: u8 = 0x80;
 const MANY: u8 = 0x40;
 
@@ -45,7 +48,8 @@ const DATA: u8 = 0x32;
 const FIFO_CONTROL: u8 = 0x38;
 const BYPASS: u8 = 0;
 const STREAM: u8 = 0b10 << 6;
-/// FIFO_STATUS: its bits with the number of samples. One more than 32 is possible: the output filter may hold it.
+/// FIFO_STATUS: its bits with the number of samples. One more than 32 is possible: the output
+/// filter may hold it.
 const FIFO_STATUS: u8 = 0x39;
 const ENTRIES: u8 = 0x3f;
 const MAX_ENTRIES: u8 = 33;
@@ -130,7 +134,8 @@ impl<S: SpiDevice> AccelerometerChip for Adxl345<S> {
         let mut frame = [READ | MANY | DATA, 0, 0, 0, 0, 0, 0];
         self.spi.transfer_in_place(&mut frame).map_err(|_| AccelerometerFault::Bus)?;
         let [_, x0, x1, y0, y1, z0, z1] = frame;
-        // A unit is 1/256 g = 3906.25 ug with full resolution, otherwise 1/32 g (*Specifications*, typical). No 16 bits overflow.
+        // A unit is 1/256 g = 3906.25 ug with full resolution, otherwise 1/32 g (*Specifications*,
+        // typical). No 16 bits overflow.
         let micro_g = |units: i32| if self.is_full { units * 15_625 / 4 } else { units * 31_250 };
         Ok([[x0, x1], [y0, y1], [z0, z1]].map(|bytes| micro_g(i16::from_le_bytes(bytes).into())))
     }

@@ -12,7 +12,8 @@ use ferrostep_hal_shim::{AccelerometerChip, AccelerometerFault, WaitingSamples};
 /// Change of a byte on the wire.
 type Wire = fn(u8) -> u8;
 
-/// A chip that does as the data sheet's pages *Serial communications*, *Register map* and *FIFO* say.
+/// A chip that does as the data sheet's pages *Serial communications*, *Register
+/// map* and *FIFO* say.
 #[derive(Debug)]
 struct Chip {
     registers: [u8; 64],

@@ -1,17 +1,21 @@
-//! Critical sections that do not mask the step interrupt, with the interface of critical-section 1.2.
+//! Critical sections that do not mask the step interrupt, with the interface of
+//! critical-section 1.2.
 //!
-//! Signals, the queue of waits and the log are guarded by [`with`]. On a single core PRIMASK is the usual way to make a section,
-//! and then each of them delays a step; the log does for as long as a whole line takes. These sections raise BASEPRI instead, to
-//! the highest priority that it can mask. BASEPRI cannot mask RTIC's priority 16 (hardware priority 0), and that belongs to
-//! the step task alone.
+//! Signals, the queue of waits and the log are guarded by [`with`]. On a single core PRIMASK is
+//! the usual way to make a section, and then each of them delays a step; the log does for as long
+//! as a whole line takes. These sections raise BASEPRI instead, to the highest priority that it
+//! can mask. BASEPRI cannot mask RTIC's priority 16 (hardware priority 0), and that belongs to the
+//! step task alone.
 //!
-//! The price is a rule: **nothing at priority 16 may enter a critical section, nor touch what one guards.** The step
-//! task has `local` resources and atomics only. RTIC would guard a `#[shared]` resource of that task with these very
-//! sections, so it has none. `tests/outside/tests/firmware/` checks the built image: the code that the step timer's vector
-//! leads to never writes BASEPRI_MAX and calls no function.
+//! The price is a rule: **nothing at priority 16 may enter a critical section, nor touch what one
+//! guards.** The step task has `local` resources and atomics only. RTIC would guard a `#[shared]`
+//! resource of that task with these very sections, so it has none. `tests/outside/tests/firmware/`
+//! checks the built image: the code that the step timer's vector leads to never writes BASEPRI_MAX
+//! and calls no function.
 //!
-//! crates.io's crate lets any crate provide the sections, but only one in an image, and stm32f4xx-hal has cortex-m provide
-//! them with PRIMASK. Here [`set_impl`] accepts a provider and leaves it unused.
+//! crates.io's crate lets any crate provide the sections, but only one in an image, and
+//! stm32f4xx-hal has cortex-m provide them with PRIMASK. Here [`set_impl`] accepts a provider and
+//! leaves it unused.
 #![no_std]
 #![deny(clippy::undocumented_unsafe_blocks)]
 
@@ -39,7 +43,8 @@ impl RestoreState {
 /// A provider of critical sections; unused, see [`set_impl`].
 ///
 /// # Safety
-/// As in crates.io's crate: between `acquire` and `release` no other code runs that enters a section.
+/// As in crates.io's crate: between `acquire` and `release` no other code runs that
+/// enters a section.
 pub unsafe trait Impl {
     /// Begins a section.
     ///
@@ -53,7 +58,8 @@ pub unsafe trait Impl {
     unsafe fn release(state: RawRestoreState);
 }
 
-/// Accepts a provider of critical sections and leaves it unused: the sections of this crate are always BASEPRI's.
+/// Accepts a provider of critical sections and leaves it unused: the sections of this crate are
+/// always BASEPRI's.
 #[macro_export]
 macro_rules! set_impl {
     ($provider:ty) => {

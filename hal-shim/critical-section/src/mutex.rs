@@ -8,8 +8,8 @@ use crate::proof::CriticalSection;
 #[derive(Debug)]
 pub struct Mutex<T>(UnsafeCell<T>);
 
-// SAFETY: the data is reached with a proof that a critical section is active, which no other code interrupts that could have
-// another proof.
+// SAFETY: the data is reached with a proof that a critical section is active, which no other code
+// interrupts that could have another proof.
 unsafe impl<T: Send> Sync for Mutex<T> {}
 
 impl<T> Mutex<T> {
@@ -30,7 +30,8 @@ impl<T> Mutex<T> {
 
     /// The value, for as long as the critical section lasts.
     pub fn borrow<'cs>(&'cs self, _section: CriticalSection<'cs>) -> &'cs T {
-        // SAFETY: only shared references are handed out, in critical sections, which do not interrupt each other.
+        // SAFETY: only shared references are handed out, in critical sections, which do not
+        // interrupt each other.
         unsafe { &*self.0.get() }
     }
 }

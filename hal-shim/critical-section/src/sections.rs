@@ -1,30 +1,34 @@
 //! BASEPRI, raised and restored.
 //!
-//! Between the two no other code runs that enters a critical section or touches guarded data. There is one core, and these
-//! could interrupt it:
+//! Between the two no other code runs that enters a critical section or touches guarded data. There
+//! is one core, and these could interrupt it:
 //!
-//! - Interrupts and exceptions of configurable priority below the highest are masked by BASEPRI. A write to BASEPRI_MAX
-//!   can only raise the priority: within an RTIC lock or another critical section the stricter of both rules, and
-//!   [`restore`] puts back what was there before, never less. PRIMASK is left alone, so that sections within `init`
-//!   and after `safe_state::enter`, where it is set, do not clear it.
-//! - Hardware priority 0 is the step task's, which does neither. Unused interrupts have it after reset as well, but
-//!   are not enabled; should one come nevertheless, it ends in a handler that never returns.
+//! - Interrupts and exceptions of configurable priority below the highest are masked by BASEPRI. A
+//!   write to BASEPRI_MAX can only raise the priority: within an RTIC lock or another critical
+//!   section the stricter of both rules, and [`restore`] puts back what was there before, never
+//!   less. PRIMASK is left alone, so that sections within `init` and after `safe_state::enter`,
+//!   where it is set, do not clear it.
+//! - Hardware priority 0 is the step task's, which does neither. Unused interrupts have it
+//!   after reset as well, but are not enabled; should one come nevertheless, it ends in a
+//!   handler that never returns.
 //! - Non-maskable interrupt and faults end in handlers that never return.
 
 #[cfg(target_arch = "arm")]
 use core::arch::asm;
 
-/// BASEPRI that masks all priorities but hardware priority 0. The STM32F4 implements the upper four bits of eight
-/// (PM0214, 2.3.4), so 1 is written as 0x10; 0 would mask nothing.
+/// BASEPRI that masks all priorities but hardware priority 0. The STM32F4 implements the upper four
+/// bits of eight (PM0214, 2.3.4), so 1 is written as 0x10; 0 would mask nothing.
 #[cfg(target_arch = "arm")]
 const ALL_BUT_HIGHEST: u8 = 1 << 4;
 
-/// Raises BASEPRI and returns the value it had. `isb` as in RTIC's locks: the section begins after the priority has changed.
+/// Raises BASEPRI and returns the value it had. `isb` as in RTIC's locks: the section begins after
+/// the priority has changed.
 #[cfg(target_arch = "arm")]
 #[inline(always)]
 pub fn raise() -> u32 {
     let before: u32;
-    // SAFETY: a higher BASEPRI breaks no code. Without `nomem` the compiler moves no access to memory across it.
+    // SAFETY: a higher BASEPRI breaks no code. Without `nomem` the compiler moves no access to
+    // memory across it.
     unsafe {
         asm!(
             "mrs {before}, BASEPRI",

@@ -1,8 +1,11 @@
-//! An EEPROM 24C32 as a flash of four sectors, so that the records of settings lie in it as in a chip's own flash.
+//! An EEPROM 24C32 as a flash of four sectors, so that the records of settings lie in it as in a
+//! chip's own flash.
 //!
-//! 4 KiB in pages of 32 bytes; after a page the EEPROM writes for up to 10 ms (AT24C32 of 2.7 V; 5 ms: AT24C32E, 24LC32A, M24C32) and does
-//! not acknowledge its address meanwhile: it is asked again until it does. An erasure writes 0xff, 32 pages. Nothing depends on the time
-//! that a write takes, so that any task may interrupt this one. Each page lasts 1,000,000 writes (the same data sheets, endurance).
+//! 4 KiB in pages of 32 bytes; after a page the EEPROM writes for up to 10 ms (AT24C32 of 2.7 V; 5
+//! ms: AT24C32E, 24LC32A, M24C32) and does not acknowledge its address meanwhile: it is asked
+//! again until it does. An erasure writes 0xff, 32 pages. Nothing depends on the time that a write
+//! takes, so that any task may interrupt this one. Each page lasts 1,000,000 writes (the same data
+//! sheets, endurance).
 //!
 //! A cut of the power within a page leaves anything in its 32 bytes, and nothing elsewhere.
 #![cfg_attr(not(test), no_std)]
@@ -21,11 +24,12 @@ pub const PAGE_BYTES: usize = 32;
 /// Bytes that are erased together: room for a record.
 pub const SECTOR_BYTES: usize = 1024;
 
-/// The slowest bus on which `MAX_ASKED` is meant, and the fastest that every 24C32 knows at 3.3 V, Hz.
+/// The slowest bus on which `MAX_ASKED` is meant, and the fastest that every 24C32
+/// knows at 3.3 V, Hz.
 pub const BUS_HZ: u32 = 100_000;
 
-/// Maximum number of requests to an EEPROM that does not acknowledge its address: each takes at least 10 clocks, so
-/// that together they take twice the longest time of a write.
+/// Maximum number of requests to an EEPROM that does not acknowledge its address: each takes at
+/// least 10 clocks, so that together they take twice the longest time of a write.
 const MAX_ASKED: u32 = 200;
 
 /// A fault of the EEPROM or of its bus.
@@ -72,12 +76,14 @@ pub struct Eeprom<B> {
 }
 
 impl<B: I2c> Eeprom<B> {
-    /// The EEPROM at an address from 0x50 to 0x57, on a bus of [`BUS_HZ`] at most. Nothing is asked yet.
+    /// The EEPROM at an address from 0x50 to 0x57, on a bus of [`BUS_HZ`] at most.
+    /// Nothing is asked yet.
     pub const fn new(bus: B, address: u8) -> Self {
         Self { bus, address }
     }
 
-    /// Names a place and runs an operation there: repeats the request until the chip has written its last bytes.
+    /// Names a place and runs an operation there: repeats the request until the chip has
+    /// written its last bytes.
     #[inline(never)]
     fn at(&mut self, place: u32, operation: Operation<'_>) -> Result<(), EepromFault> {
         let [.., high, low] = place.to_be_bytes();

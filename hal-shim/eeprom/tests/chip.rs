@@ -1,4 +1,5 @@
-//! The EEPROM against a model of the chip at the level of transfers: pages, write cycles, and cuts of the power.
+//! The EEPROM against a model of the chip at the level of transfers: pages, write cycles, and
+//! cuts of the power.
 #![allow(clippy::unwrap_used)]
 
 use std::cell::RefCell;
@@ -16,12 +17,13 @@ const WRITE_S: f64 = 0.010;
 struct Cut {
     /// Pages that are still written.
     pages: u32,
-    /// Seed of the contents of the page in which the power fails; `None`: it fails before the stop, which begins the
-    /// write.
+    /// Seed of the contents of the page in which the power fails; `None`: it fails before the stop,
+    /// which begins the write.
     within: Option<u32>,
 }
 
-/// A 24C32 by its data sheet (AT24C32E: device addressing, page write, acknowledge polling, sequential read).
+/// A 24C32 by its data sheet (AT24C32E: device addressing, page write, acknowledge polling,
+/// sequential read).
 struct Chip {
     address: u8,
     bytes: Vec<u8>,
@@ -230,16 +232,17 @@ fn faults_are_named_and_bounded() {
         assert_eq!(save(&chip, &record(2)).unwrap_err().to_string(), words);
         assert!(chip.borrow().is_asked < 400, "{words}: {} transfers", chip.borrow().is_asked);
     }
-    // The longest write is waited for: the transfers of an address alone that are allowed take twice its time.
+    // The longest write is waited for: the transfers of an address alone that are allowed
+    // take twice its time.
     let chip = RefCell::new(Chip::erased());
     chip.borrow_mut().cycle = (2.0 * WRITE_S * f64::from(BUS_HZ) / 11.0) as u32;
     save(&chip, &record(2)).unwrap();
     assert_eq!(load(&chip), Ok(Some(record(2))));
 }
 
-/// Every page of 240 saves of 1 to 80 values, which go round the sectors 60 times; at each the power goes before the
-/// write, and, by six seeds, within it: anything may be in the page then. Every fifth time the next save begins with
-/// the contents that such a cut has left.
+/// Every page of 240 saves of 1 to 80 values, which go round the sectors 60 times; at each the
+/// power goes before the write, and, by six seeds, within it: anything may be in the page then.
+/// Every fifth time the next save begins with the contents that such a cut has left.
 #[test]
 fn a_cut_leaves_the_old_record_or_the_new_one() {
     let (mut cuts, mut news, mut seed) = (0_u32, 0_u32, 1);

@@ -1,20 +1,23 @@
 //! The steps that a stop has dropped.
 
-/// Steps that were in the queue when motion was stopped: signed by direction, and both directions added.
+/// Steps that were in the queue when motion was stopped: signed by direction, and both
+/// directions added.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DroppedSteps {
     /// Forwards minus backwards, a motor each.
     pub signed: [i32; 4],
     /// All, a motor each.
     pub issued: [u32; 4],
-    /// Ticks of the motion clock that they would have taken, where the queue keeps that clock; else 0.
+    /// Ticks of the motion clock that they would have taken, where the queue keeps
+    /// that clock; else 0.
     pub ticks: u64,
     /// A command or a fault has stopped motion, not only the sensor that an axis seeks.
     pub requested: bool,
 }
 
 impl DroppedSteps {
-    /// Adds `count` events of the same motors: bit i of `axes` = motor i steps, of `directions` = it runs backwards.
+    /// Adds `count` events of the same motors: bit i of `axes` = motor i steps, of `directions` =
+    /// it runs backwards.
     pub(super) fn add(&mut self, axes: u8, directions: u8, count: u32) {
         for (motor, (signed, issued)) in self.signed.iter_mut().zip(&mut self.issued).enumerate() {
             if axes >> motor & 1 != 0 {

@@ -11,12 +11,12 @@ use super::player::{MIN_GAP_TICKS, StepPlayer, Stepping};
 use super::slot::{Head, MAX_EVENTS, Numbering};
 use super::{IDLE_TICKS, StepLink};
 
-/// Most slots that one entry takes, unless it has more events than a slot: a direction change, the first step after it,
-/// the others.
+/// Most slots that one entry takes, unless it has more events than a slot: a direction change, the
+/// first step after it, the others.
 pub const MAX_SLOTS_AN_ENTRY: usize = 3;
 
-/// Slots of the ring that no entry takes: one for [`StepFeeder::seal`], and those of the slot in play and the one
-/// before, which show after a stop the entries that were not played.
+/// Slots of the ring that no entry takes: one for [`StepFeeder::seal`], and those of the slot in
+/// play and the one before, which show after a stop the entries that were not played.
 const SPARE_SLOTS: usize = 3;
 
 /// The share of the ring that keeps the past, 1 / this ([`StepFeeder::keeping_past`]).
@@ -32,7 +32,8 @@ pub struct Signals {
 }
 
 impl Signals {
-    /// The same, no shorter than the step interrupt can keep ([`MIN_GAP_TICKS`]): a longer pulse harms no driver.
+    /// The same, no shorter than the step interrupt can keep ([`MIN_GAP_TICKS`]): a longer pulse
+    /// harms no driver.
     const fn kept(self) -> Self {
         const fn at_least(ticks: u32) -> u32 {
             if ticks < MIN_GAP_TICKS { MIN_GAP_TICKS } else { ticks }
@@ -52,8 +53,8 @@ pub enum FeedError {
 
 /// Turns step entries into slots of a [`StepPlayer`].
 ///
-/// The newest event is held back until the next entry gives the interval after it. [`Self::seal`] releases it at the end
-/// of a motion.
+/// The newest event is held back until the next entry gives the interval after it. [`Self::seal`]
+/// releases it at the end of a motion.
 #[derive(Debug)]
 pub struct StepFeeder<'a, M, const PORTS: usize, const N: usize> {
     player: &'a StepPlayer<M, PORTS, N>,
@@ -64,7 +65,8 @@ pub struct StepFeeder<'a, M, const PORTS: usize, const N: usize> {
     usual_above_ticks: u32,
     /// Slots of the ring that no entry takes.
     spare: usize,
-    /// Slots filled so far, modulo 2^32; the place of the next is its remainder by the size of the ring.
+    /// Slots filled so far, modulo 2^32; the place of the next is its remainder by the
+    /// size of the ring.
     filled: u32,
     newest: Newest<PORTS>,
     /// Direction signals at the newest event.
@@ -74,8 +76,8 @@ pub struct StepFeeder<'a, M, const PORTS: usize, const N: usize> {
 }
 
 impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORTS, N> {
-    /// The feeder of a player that has not run yet; there must be no other. All step signals are low,
-    /// direction signals as [`Self::direction_words`].
+    /// The feeder of a player that has not run yet; there must be no other. All step signals are
+    /// low, direction signals as [`Self::direction_words`].
     pub fn new(player: &'a StepPlayer<M, PORTS, N>, pins: PinMap<PORTS>, signals: Signals) -> Self {
         let signals = signals.kept();
         player.set_pulse_reload(signals.pulse_ticks - 1);
@@ -108,15 +110,15 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         })
     }
 
-    /// Excludes the step signals of these pins from the next entry on, so that some motors of an axis stand still
-    /// while the others move. An empty list lets all step again. At standstill only, and after a stop only once
-    /// [`Self::drop_all`] has been called.
+    /// Excludes the step signals of these pins from the next entry on, so that some motors of an
+    /// axis stand still while the others move. An empty list lets all step again. At standstill
+    /// only, and after a stop only once [`Self::drop_all`] has been called.
     pub fn step_without(&mut self, pins: impl Iterator<Item = Pin>) {
         self.words = Self::step_words(&pins.fold(self.pins, PinMap::without_steps));
     }
 
-    /// Keeps a quarter of the ring for the slots played last, for [`StepPlayer::past`]. Without this a planner that
-    /// is far ahead fills the whole ring with slots to come.
+    /// Keeps a quarter of the ring for the slots played last, for [`StepPlayer::past`]. Without
+    /// this a planner that is far ahead fills the whole ring with slots to come.
     #[must_use]
     pub fn keeping_past(mut self) -> Self {
         self.spare = SPARE_SLOTS + N / PAST_SHARE;
@@ -135,7 +137,8 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
 
     /// Slots played so far to their last event, modulo 2^32.
     pub fn played(&self) -> u32 {
-        // Read in this order, a slot that ends in between is counted once too often, never once too few.
+        // Read in this order, a slot that ends in between is counted once too often,
+        // never once too few.
         let in_play = u32::from(self.player.left() != Head::EMPTY);
         self.filled.wrapping_sub(self.unplayed()).wrapping_sub(in_play)
     }
@@ -169,7 +172,8 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     /// Adds an entry.
     ///
     /// # Errors
-    /// The ring is full, or the entry is nearer to the one before than the drivers allow; the ring is unchanged.
+    /// The ring is full, or the entry is nearer to the one before than the drivers allow; the
+    /// ring is unchanged.
     #[inline]
     pub fn push(&mut self, entry: StepEntry) -> Result<(), FeedError> {
         self.push_all(&[entry])
@@ -183,10 +187,12 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         self.extend(entries.iter().copied())
     }
 
-    /// Adds entries as they are made: it needs no memory for them, and looks up the values that all share only once.
+    /// Adds entries as they are made: it needs no memory for them, and looks up the values that all
+    /// share only once.
     ///
     /// # Errors
-    /// As [`Self::push`]; the entries before the refused one were added, and none after it is taken from `entries`.
+    /// As [`Self::push`]; the entries before the refused one were added, and none after it is
+    /// taken from `entries`.
     #[inline(always)]
     pub fn extend(&mut self, mut entries: impl Iterator<Item = StepEntry>) -> Result<(), FeedError> {
         // An entry that meets the ring's end is not usual either.
@@ -196,8 +202,8 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         Ok(())
     }
 
-    /// Adds entries as long as they are usual, there is room for them, and the ring does not wrap. Returns the first
-    /// that was not added.
+    /// Adds entries as long as they are usual, there is room for them, and the ring does not wrap.
+    /// Returns the first that was not added.
     #[inline(always)]
     fn push_usual(&mut self, entries: &mut impl Iterator<Item = StepEntry>) -> Option<StepEntry> {
         let lead_ticks = self.lead_ticks().wrapping_add(1);
@@ -218,7 +224,8 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         unusual
     }
 
-    /// Time by which an interval is longer than the gap after an event, ticks: a pulse, or 0 where both edges step.
+    /// Time by which an interval is longer than the gap after an event, ticks: a pulse, or 0 where
+    /// both edges step.
     #[inline(always)]
     fn lead_ticks(&self) -> u32 {
         if M::EVENTS_A_STEP == 2 { self.signals.pulse_ticks } else { 0 }
@@ -293,9 +300,9 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         idle
     }
 
-    /// Number of the timer's updates that the interrupt has missed, because it was held up for longer than an
-    /// interval: the lead of the hardware's count of updates, modulo 2^15, over the events played. Those events are
-    /// owed.
+    /// Number of the timer's updates that the interrupt has missed, because it was held up for
+    /// longer than an interval: the lead of the hardware's count of updates, modulo 2^15, over the
+    /// events played. Those events are owed.
     pub fn missed_updates(&self, update_count: u16) -> u16 {
         // One word, so that both are of the same moment.
         let left = self.player.left();
@@ -303,19 +310,21 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             return 0;
         }
         let ahead = update_count.wrapping_sub(left.number().wrapping_sub(left.events() as u16)) & MAX_EVENTS;
-        // A count less than the events: the board has no such count, or the interrupt came between the two reads.
+        // A count less than the events: the board has no such count, or the interrupt came
+        // between the two reads.
         if ahead > MAX_EVENTS / 2 { 0 } else { ahead }
     }
 
-    /// The steps that the queue holds and the motors have not made, forwards minus backwards, a motor each. A step
-    /// that the interrupt makes meanwhile counts as made or as not made.
+    /// The steps that the queue holds and the motors have not made, forwards minus backwards, a
+    /// motor each. A step that the interrupt makes meanwhile counts as made or as not made.
     pub fn unplayed_steps(&self) -> [i32; 4] {
         self.left().dropped.signed
     }
 
     /// Drops everything that has not been played, after a stop and while the interrupt is masked.
     ///
-    /// Afterwards the caller stores [`Self::rest_words`] to the ports, and the interrupt may run again.
+    /// Afterwards the caller stores [`Self::rest_words`] to the ports, and the
+    /// interrupt may run again.
     pub fn drop_all(&mut self) -> DroppedSteps {
         let Left { mut dropped, odd_axes } = self.left();
         self.newest.turn(self.words_of(odd_axes));
@@ -357,7 +366,8 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     /// The next slot to be begun, and the events left of the one in play, as of one moment.
     fn next_and_in_play(&self) -> (u32, u32) {
         let mut next = self.player.next_number();
-        // The interrupt begins a slot more seldom than this loop turns; a bound holds whatever it does.
+        // The interrupt begins a slot more seldom than this loop turns; a bound holds
+        // whatever it does.
         for _ in 0..4 {
             let in_play = self.player.left().events();
             let again = self.player.next_number();
@@ -379,14 +389,15 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         words
     }
 
-    /// Adds the last `events` of a slot, with the first one among them if `first_too`; before them the motors have
-    /// these directions.
+    /// Adds the last `events` of a slot, with the first one among them if `first_too`; before them
+    /// the motors have these directions.
     fn add_events(&self, number: u32, events: u32, first_too: bool, directions: &mut u8, left: &mut Left) {
         let slot = self.player.slot_of(number);
         let first: [u32; PORTS] = core::array::from_fn(|port| slot.first(port));
         let then = self.pins.stepping(core::array::from_fn(|port| slot.then(port)));
         if M::EVENTS_A_STEP == 2 {
-            // Every second event, the last one included, is the start of a pulse; the first ends one that has stepped.
+            // Every second event, the last one included, is the start of a pulse; the first ends
+            // one that has stepped.
             left.dropped.add(then, *directions, events.div_ceil(2));
         } else {
             left.add_edges(then, *directions, events.saturating_sub(first_too.into()));
@@ -408,7 +419,8 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         if self.turning.is_none() {
             return levels;
         }
-        // With pulses the direction changes at the end of the pulse before; else in a separate event.
+        // With pulses the direction changes at the end of the pulse before; else in
+        // a separate event.
         let before = if M::EVENTS_A_STEP == 2 { pulse_ticks } else { MIN_GAP_TICKS };
         levels.max(before.saturating_add(direction_setup_ticks))
     }
@@ -458,7 +470,8 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
 
     /// The first stair in a new direction.
     fn turn_and_stair(&mut self, directions: u8, interval_ticks: u32, count: u16, axes: u8, added: u8) {
-        // Signals that stay are left out, so that a stop can tell from the words which ones have changed.
+        // Signals that stay are left out, so that a stop can tell from the words which
+        // ones have changed.
         let changed = self.pins.direction_pins(self.directions ^ directions);
         let mut words = self.pins.directions(directions);
         for (word, changed) in words.iter_mut().zip(changed) {
@@ -486,8 +499,8 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         }
     }
 
-    /// Fills a slot: the event that was held back, and `steps_in_it` steps, the last of them (or the end of its pulse)
-    /// left for `held`.
+    /// Fills a slot: the event that was held back, and `steps_in_it` steps, the last of them (or
+    /// the end of its pulse) left for `held`.
     fn fill(&mut self, interval_ticks: u32, then: [u32; PORTS], steps_in_it: u16, held: [u32; PORTS]) {
         let gap_ticks = interval_ticks - self.lead_ticks();
         let events = u32::from(steps_in_it) * M::EVENTS_A_STEP;

@@ -14,10 +14,11 @@ use super::slot::{Filling, Numbering, Slot};
 pub(super) struct Newest<const PORTS: usize> {
     /// Number of the events in the slots filled so far.
     pub(super) numbering: Numbering,
-    /// Both edges: the words that would turn every pin of the ports to its other level after the newest event.
+    /// Both edges: the words that would turn every pin of the ports to its other level after
+    /// the newest event.
     pub(super) turning: [u32; PORTS],
-    /// The words of the newest event, which waits for the interval after it: zeros where the event changes
-    /// no pin.
+    /// The words of the newest event, which waits for the interval after it: zeros where the
+    /// event changes no pin.
     pub(super) held: [u32; PORTS],
 }
 
@@ -33,8 +34,8 @@ pub(super) struct Following<const PORTS: usize> {
     pub(super) held: [u32; PORTS],
 }
 
-/// Words that step each set of motors: with pulses they raise the signals, with both edges they select from
-/// [`Newest::turning`].
+/// Words that step each set of motors: with pulses they raise the signals, with both edges they
+/// select from [`Newest::turning`].
 pub(super) type StepWords<const PORTS: usize> = [[u32; PORTS]; 16];
 
 /// The state that is constant while the directions are.
@@ -48,9 +49,9 @@ pub(super) struct Usual<'a, M, const PORTS: usize> {
 }
 
 impl<M: Stepping, const PORTS: usize> Usual<'_, M, PORTS> {
-    /// Adds entries as long as they are usual stairs and slots are free. A usual stair keeps the directions, and its
-    /// events are neither too near nor too many for a slot. Returns the first other entry, which was not
-    /// added.
+    /// Adds entries as long as they are usual stairs and slots are free. A usual stair keeps the
+    /// directions, and its events are neither too near nor too many for a slot. Returns the first
+    /// other entry, which was not added.
     #[inline(always)]
     pub(super) fn push(
         &self,
@@ -162,8 +163,8 @@ impl<const PORTS: usize> Newest<PORTS> {
         (then, self.turn(last))
     }
 
-    /// Fills a slot with the event that was held back and with a step, whose end `held` is the next event to be held
-    /// back.
+    /// Fills a slot with the event that was held back and with a step, whose end `held` is the next
+    /// event to be held back.
     #[inline(always)]
     fn fill_step<M: Stepping>(&mut self, slot: &Slot<PORTS>, reload: u32, then: [u32; PORTS], held: [u32; PORTS]) {
         self.numbering.advance(M::EVENTS_A_STEP);

@@ -3,8 +3,8 @@
 use std::cell::RefCell;
 
 thread_local! {
-    /// The hook of each access of the task to shared memory; taken out while it runs, because the interrupt's own
-    /// accesses are not interrupted.
+    /// The hook of each access of the task to shared memory; taken out while it runs, because the
+    /// interrupt's own accesses are not interrupted.
     static INTERRUPT: RefCell<Option<Box<dyn FnMut()>>> = const { RefCell::new(None) };
 }
 

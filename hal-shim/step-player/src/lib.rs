@@ -1,14 +1,16 @@
-//! The queue of step entries between planner and step interrupt, and the interrupt's code that turns them into edges,
-//! without registers.
+//! The queue of step entries between planner and step interrupt, and the interrupt's code that
+//! turns them into edges, without registers.
 //!
-//! It has two halves. The [`StepFeeder`] belongs to the planner task: it turns entries into *slots* that hold
-//! the very words to store to the ports. The [`StepPlayer`] belongs to the step interrupt: at each update of its timer
-//! it stores a word a port and, where a stair ends, takes the next slot. The feeder does all work that
-//! can be done beforehand, so that an event costs the interrupt the same with one motor or with four.
+//! It has two halves. The [`StepFeeder`] belongs to the planner task: it turns entries into *slots*
+//! that hold the very words to store to the ports. The [`StepPlayer`] belongs to the step
+//! interrupt: at each update of its timer it stores a word a port and, where a stair ends, takes
+//! the next slot. The feeder does all work that can be done beforehand, so that an event costs the
+//! interrupt the same with one motor or with four.
 //!
-//! The timer runs all the time and reloads from a preloaded register: a value written at one update sets the gap
-//! *after the next one*. A slot therefore holds the reload value of the slot after it, which is written one event
-//! early: an interrupt that comes late delays an edge, and all later ones are on time again.
+//! The timer runs all the time and reloads from a preloaded register: a value written at one update
+//! sets the gap *after the next one*. A slot therefore holds the reload value of the slot after it,
+//! which is written one event early: an interrupt that comes late delays an edge, and all later
+//! ones are on time again.
 #![cfg_attr(not(test), no_std)]
 
 mod dropped;

@@ -2,7 +2,8 @@
 
 use super::shared_word::WordU8;
 
-/// Flags between the tasks that make step entries or stop motion, and the interrupt that plays the entries.
+/// Flags between the tasks that make step entries or stop motion, and the interrupt that
+/// plays the entries.
 #[derive(Debug)]
 pub struct StepLink {
     run: WordU8,
@@ -48,8 +49,8 @@ impl StepLink {
         Self::take(&self.ran_dry)
     }
 
-    /// Requests a stop for a command or a fault, which has masked the step interrupt before this call. The planner task does
-    /// the rest. From any priority below the interrupt's.
+    /// Requests a stop for a command or a fault, which has masked the step interrupt before this
+    /// call. The planner task does the rest. From any priority below the interrupt's.
     pub fn request_stop(&self) {
         self.requested.store(1);
         self.stop.store(1);
@@ -65,10 +66,11 @@ impl StepLink {
         self.stop.load() != 0
     }
 
-    /// Notes that the stop was handled; the motors are at rest. Returns true if more than a sensor has asked for it.
+    /// Notes that the stop was handled; the motors are at rest. Returns true if more than a sensor
+    /// has asked for it.
     ///
-    /// The reason is taken after the flag is cleared: a request that comes in between sets it again, and is followed once
-    /// more, then as if a sensor had asked.
+    /// The reason is taken after the flag is cleared: a request that comes in between sets it
+    /// again, and is followed once more, then as if a sensor had asked.
     pub fn stopped(&self) -> bool {
         self.run.store(0);
         self.ran_dry.store(0);

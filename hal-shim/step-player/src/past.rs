@@ -1,8 +1,9 @@
-//! Record of past motion in the ring: the slots that were played last, those that a stop or a reset has kept from
-//! being played, and the words beside the ring by which it can be read.
+//! Record of past motion in the ring: the slots that were played last, those that a stop or a reset
+//! has kept from being played, and the words beside the ring by which it can be read.
 //!
-//! A slot keeps its words and the number of its last event when it has been played, until it is filled again. So a ring in memory that
-//! no start of the program fills holds the last motion after a reset, without a store more in the step interrupt.
+//! A slot keeps its words and the number of its last event when it has been played, until it is
+//! filled again. So a ring in memory that no start of the program fills holds the last motion after
+//! a reset, without a store more in the step interrupt.
 
 use super::shared_word::WordU32;
 use super::slot::Head;
@@ -30,8 +31,8 @@ pub struct PastSlot {
 /// Position of the motors at a place in the queue.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PositionMark {
-    /// Slots filled at that time, modulo 2^32. The motors are there when these have been played, and the event that
-    /// was held back then.
+    /// Slots filled at that time, modulo 2^32. The motors are there when these have been played,
+    /// and the event that was held back then.
     pub filled: u32,
     /// The next slot to be begun at that time.
     pub next: u32,
@@ -190,8 +191,8 @@ impl Marks {
         if self.are_kept() {
             return;
         }
-        // Without a slot since, the other note stays: at the queue's very end an event may be held back that no slot
-        // has.
+        // Without a slot since, the other note stays: at the queue's very end an event may be held
+        // back that no slot has.
         let older = self.older.load() & 1;
         let is_same = |place: u32| {
             let newest = self.positions.get(place as usize).and_then(Position::load);

@@ -1,6 +1,7 @@
 //! The motors' pins, as words for the ports.
 
-/// Shift to the upper half of a port's word, which resets the pins that the lower half sets (RM0090 8.4.7, BSRR).
+/// Shift to the upper half of a port's word, which resets the pins that the lower half sets
+/// (RM0090 8.4.7, BSRR).
 const RESET_SHIFT: u32 = 16;
 
 /// A pin of a port.
@@ -31,8 +32,8 @@ pub struct PinMap<const PORTS: usize> {
 }
 
 impl<const PORTS: usize> PinMap<PORTS> {
-    /// The map of four motors: X (A), Y (B), Z, extruder. `None` for a port or pin that does not exist, or that two signals
-    /// share.
+    /// The map of four motors: X (A), Y (B), Z, extruder. `None` for a port or pin that does not
+    /// exist, or that two signals share.
     pub const fn new(motors: [MotorPins; 4]) -> Option<Self> {
         let mut map = Self { step: [[0; 16]; PORTS], direction: [[0; 16]; PORTS], inverted: [0; PORTS] };
         let mut taken = [0u16; PORTS];
@@ -67,7 +68,8 @@ impl<const PORTS: usize> PinMap<PORTS> {
         Some(map)
     }
 
-    /// The same pins, with motors (bit i = motor i) that run the other way round: all the pins that they have.
+    /// The same pins, with motors (bit i = motor i) that run the other way round: all the
+    /// pins that they have.
     pub const fn with_inverted(mut self, motors: u8) -> Self {
         let mut port = 0;
         while port < PORTS {
@@ -77,8 +79,9 @@ impl<const PORTS: usize> PinMap<PORTS> {
         self
     }
 
-    /// The same pins, and those of another motor that makes the steps of `motor`; or, if it is inverted, runs the other way round.
-    /// `None` for a port or pin that does not exist, or that another signal has.
+    /// The same pins, and those of another motor that makes the steps of `motor`; or, if it is
+    /// inverted, runs the other way round. `None` for a port or pin that does not exist, or that
+    /// another signal has.
     pub const fn with_further(mut self, motor: usize, pins: MotorPins, is_inverted: bool) -> Option<Self> {
         let MotorPins { step, direction } = pins;
         if motor > 3 || step.port >= PORTS || direction.port >= PORTS || step.number > 15 || direction.number > 15 {
@@ -104,7 +107,8 @@ impl<const PORTS: usize> PinMap<PORTS> {
         Some(self)
     }
 
-    /// The same pins without this step signal, for a motor that stands still while the others of its axis move.
+    /// The same pins without this step signal, for a motor that stands still while the others
+    /// of its axis move.
     pub const fn without_steps(mut self, pin: Pin) -> Self {
         let mut axes = 0;
         while axes < 16 && pin.port < PORTS {
@@ -120,7 +124,8 @@ impl<const PORTS: usize> PinMap<PORTS> {
         self.step.each_ref().map(|masks| u32::from(masks[usize::from(axes & 15)]))
     }
 
-    /// Swaps a word's halves: the result lowers the pins that the word raises, and the other way round.
+    /// Swaps a word's halves: the result lowers the pins that the word raises, and the
+    /// other way round.
     #[inline(always)]
     pub fn turned(word: u32) -> u32 {
         word.rotate_left(RESET_SHIFT)

@@ -10,18 +10,18 @@ use super::slot::{Head, MAX_EVENTS, Slot};
 
 /// Ticks between two updates of the timer, at the least: 1 us at 84 MHz, 168 cycles of the core.
 ///
-/// The reload value that an event's interrupt stores sets the gap after the next update, so the store must arrive before
-/// that update; a late one repeats the old gap. Building an image derives from its instructions how long that takes at
-/// worst, and fails where it is longer than this. [`super::StepFeeder`] refuses entries with a shorter gap, and makes
-/// pulses at least as long.
+/// The reload value that an event's interrupt stores sets the gap after the next update, so the
+/// store must arrive before that update; a late one repeats the old gap. Building an image derives
+/// from its instructions how long that takes at worst, and fails where it is longer than this.
+/// [`super::StepFeeder`] refuses entries with a shorter gap, and makes pulses at least as long.
 pub const MIN_GAP_TICKS: u32 = 84;
 
-/// Interval at which the player looks for the first entry of a motion, ticks: a motion starts at most twice this
-/// late.
+/// Interval at which the player looks for the first entry of a motion, ticks: a motion starts at
+/// most twice this late.
 pub const IDLE_TICKS: u32 = 21_000;
 
-/// Attempts to set the hardware's count of updates at the start of a motion. A second one is needed only if an update falls
-/// between two stores.
+/// Attempts to set the hardware's count of updates at the start of a motion. A second one is needed
+/// only if an update falls between two stores.
 const COUNT_ATTEMPTS: u32 = 4;
 
 /// The step timer, seen from the step interrupt. No method may wait.
@@ -46,8 +46,8 @@ pub trait UpdateTimer {
 
 /// The ports that carry a board's step and direction signals.
 pub trait OutputPorts<const PORTS: usize> {
-    /// Writes a word to a port, 0 to `PORTS` - 1, at once: ones of the lower half set pins, ones of the upper half
-    /// reset them, and zeros leave them.
+    /// Writes a word to a port, 0 to `PORTS` - 1, at once: ones of the lower half set pins, ones of
+    /// the upper half reset them, and zeros leave them.
     fn write(&self, port: usize, word: u32);
 }
 
@@ -86,15 +86,15 @@ impl<const PORTS: usize> NextWords<PORTS> {
 
 /// The ring of `N` slots, `N` a power of two, and how far they have been played.
 ///
-/// There is one producer, [`super::StepFeeder`], and one interrupt that calls [`Self::update`]; [`Self::start_or_end`] belongs to
-/// it and never runs at the same time. Everything is a word that either side may load and store whole, so that no access
-/// is unsafe.
+/// There is one producer, [`super::StepFeeder`], and one interrupt that calls [`Self::update`];
+/// [`Self::start_or_end`] belongs to it and never runs at the same time. Everything is a word that
+/// either side may load and store whole, so that no access is unsafe.
 #[derive(Debug)]
 // In this order, so that the interrupt's fields are near the start.
 #[repr(C)]
 pub struct StepPlayer<M, const PORTS: usize, const N: usize> {
-    /// The head of the present slot with the events that are still to come; [`Head::EMPTY`] without one. Counted
-    /// upwards, so that one instruction tests the sign for the usual case.
+    /// The head of the present slot with the events that are still to come; [`Head::EMPTY`] without
+    /// one. Counted upwards, so that one instruction tests the sign for the usual case.
     left: WordI32,
     /// Number of the next slot, modulo 2^32; its place is the remainder by `N`.
     next: WordU32,
@@ -102,7 +102,8 @@ pub struct StepPlayer<M, const PORTS: usize, const N: usize> {
     reloads: [WordU32; 2],
     link: StepLink,
     slots: [Slot<PORTS>; N],
-    /// Words that are needed to read the ring after a stop or a reset. The interrupt does not touch them.
+    /// Words that are needed to read the ring after a stop or a reset. The interrupt
+    /// does not touch them.
     marks: Marks,
     stepping: PhantomData<M>,
 }
@@ -110,7 +111,8 @@ pub struct StepPlayer<M, const PORTS: usize, const N: usize> {
 /// The most ports of a board's motors.
 const MOST_PORTS: usize = 4;
 
-/// Does something for each port. Not a loop at any level of optimisation: its branches would delay the edges.
+/// Does something for each port. Not a loop at any level of optimisation: its branches would
+/// delay the edges.
 #[inline(always)]
 fn each_port<const PORTS: usize>(mut action: impl FnMut(usize)) {
     const { assert!(PORTS >= 1 && PORTS <= MOST_PORTS) };
@@ -152,11 +154,11 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         &self.link
     }
 
-    /// The interrupt: puts out the event that is due and prepares the next. No lock, no float, no division, no panic, no
-    /// call.
+    /// The interrupt: puts out the event that is due and prepares the next. No lock, no float, no
+    /// division, no panic, no call.
     ///
-    /// The edges come first, at the same distance from the interrupt's entry whatever follows; the reload value comes next,
-    /// because it must arrive before the next update ([`MIN_GAP_TICKS`]).
+    /// The edges come first, at the same distance from the interrupt's entry whatever follows; the
+    /// reload value comes next, because it must arrive before the next update ([`MIN_GAP_TICKS`]).
     #[inline(always)]
     pub fn update<T: UpdateTimer, P: OutputPorts<PORTS>>(&self, next: &mut NextWords<PORTS>, timer: &T, ports: &P) {
         timer.clear_update();
@@ -176,15 +178,16 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
 
     /// The start of a motion, and its end when the last event is out and the ring is empty.
     ///
-    /// It runs in a separate interrupt, so that the usual one needs no more registers than it has for free; that
-    /// interrupt comes right after the usual one, before the next update is served.
+    /// It runs in a separate interrupt, so that the usual one needs no more registers than it has
+    /// for free; that interrupt comes right after the usual one, before the next update is served.
     #[inline(always)]
     pub fn start_or_end<T: UpdateTimer>(&self, next: &mut NextWords<PORTS>, timer: &T) {
         if self.left() != Head::EMPTY {
             timer.mask();
             // An update that came before the mask belongs to no motion.
             timer.forget_served();
-            // A slot that was filled in the meantime waits for the next start: its reload value would be late.
+            // A slot that was filled in the meantime waits for the next start: its reload
+            // value would be late.
             self.left.store(Head::EMPTY.0);
             self.link.run_dry();
         } else if self.link.is_running() && !self.link.is_stopping() {
@@ -195,8 +198,9 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
 
     /// Begins the first slot of a motion: from here on the updates count, and call.
     ///
-    /// The gap in progress is that of the last slot, or the idle one. So the event that was held back until its follower
-    /// came is as far from the one before it as it should be, and the gap after it is its slot's.
+    /// The gap in progress is that of the last slot, or the idle one. So the event that was held
+    /// back until its follower came is as far from the one before it as it should be, and the gap
+    /// after it is its slot's.
     #[inline(always)]
     fn start<T: UpdateTimer>(&self, next: &mut NextWords<PORTS>, timer: &T) {
         let slot = self.next_slot();
@@ -219,11 +223,13 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         timer.forget_served();
         // Last, because whatever follows delays the first event.
         timer.unmask();
-        // Once more: QEMU's timer is stopped after an update while it is masked, until it gets an interval.
+        // Once more: QEMU's timer is stopped after an update while it is masked, until it
+        // gets an interval.
         timer.set_reload(reload);
     }
 
-    /// Stores the event's words. Returns the head of its slot without it, not below 0 after the last.
+    /// Stores the event's words. Returns the head of its slot without it, not below
+    /// 0 after the last.
     #[inline(always)]
     fn put_out<P: OutputPorts<PORTS>>(&self, next: &NextWords<PORTS>, ports: &P) -> i32 {
         each_port::<PORTS>(|port| {
@@ -252,7 +258,8 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
     fn begin<T: UpdateTimer>(&self, slot: &Slot<PORTS>, head: Head, next: &mut NextWords<PORTS>, timer: &T) {
         let reload = slot.reload();
         timer.set_reload(reload);
-        // In this order, so that few registers are in use at a time. The producer looks at `next`, which comes last.
+        // In this order, so that few registers are in use at a time. The producer looks at `next`,
+        // which comes last.
         self.left.store(head.0);
         slot.clear(head);
         if M::EVENTS_A_STEP == 2 {
@@ -299,27 +306,28 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         self.reloads[1].store(reload);
     }
 
-    /// Notes the motors' directions from the newest event on, for the producer; bit i = motor i runs backwards.
+    /// Notes the motors' directions from the newest event on, for the producer; bit i = motor
+    /// i runs backwards.
     pub(super) fn note_directions(&self, directions: u8) {
         self.marks.note_directions(directions);
     }
 
-    /// Notes that a motion begins, for the producer, at standstill and with slots to play: from then on the slots
-    /// that a stop or a reset has left are overwritten.
+    /// Notes that a motion begins, for the producer, at standstill and with slots to play: from
+    /// then on the slots that a stop or a reset has left are overwritten.
     pub(super) fn motion_begins(&self) {
         self.marks.motion_begins(self.next.load());
     }
 
-    /// Drops all slots up to the one that the producer fills next, while the interrupt is masked. Returns true if
-    /// more than a sensor has asked for the stop.
+    /// Drops all slots up to the one that the producer fills next, while the interrupt is masked.
+    /// Returns true if more than a sensor has asked for the stop.
     pub(super) fn forget(&self, filled: u32) -> bool {
         self.keep(filled);
         self.clear_unplayed(filled);
         self.link.stopped()
     }
 
-    /// Notes the played slots for [`Self::past`], once: after a stop without a motion since, the notes of that stop
-    /// stay.
+    /// Notes the played slots for [`Self::past`], once: after a stop without a motion since, the
+    /// notes of that stop stay.
     fn keep(&self, filled: u32) {
         if !self.marks.are_kept() {
             self.marks.keep(self.next.load(), self.left(), filled);
@@ -339,11 +347,13 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
     }
 }
 
-/// The past: contents of a ring that outlived a stop, or a reset in memory that the start leaves alone.
+/// The past: contents of a ring that outlived a stop, or a reset in memory that the
+/// start leaves alone.
 impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
-    /// Prepares a player in memory that the start of the program does not fill: no slot is left to play. If
-    /// `is_trusted` (the supply has lasted) and the memory was a ring before, the slots stay readable; otherwise the
-    /// ring is emptied. To be called once, before the interrupt runs and before there is a feeder.
+    /// Prepares a player in memory that the start of the program does not fill: no slot is left to
+    /// play. If `is_trusted` (the supply has lasted) and the memory was a ring before, the slots
+    /// stay readable; otherwise the ring is emptied. To be called once, before the interrupt runs
+    /// and before there is a feeder.
     pub fn restart(&self, is_trusted: bool) {
         if is_trusted && self.marks.are_valid() {
             self.finish_begun();
@@ -366,8 +376,8 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         self.marks.reset();
     }
 
-    /// A reset may come in the midst of [`Self::begin`]: after the head of the slot was taken, and before the slot was cleared, or
-    /// before it was counted.
+    /// A reset may come in the midst of [`Self::begin`]: after the head of the slot was taken, and
+    /// before the slot was cleared, or before it was counted.
     fn finish_begun(&self) {
         let (head, left) = (self.next_slot().head(), self.left());
         if left == Head::EMPTY || head.number() != left.number() {
@@ -397,19 +407,20 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         self.marks.motions()
     }
 
-    /// Notes the position of the motors at the end of the queue, with `filled` slots filled so far; without effect
-    /// while the remains of a stop or a reset are to be read.
+    /// Notes the position of the motors at the end of the queue, with `filled` slots filled so far;
+    /// without effect while the remains of a stop or a reset are to be read.
     pub fn note_position(&self, filled: u32, motor_steps: [i32; 4], now_ms: u32) {
         self.marks.note_position(PositionMark { filled, next: self.next.load(), now_ms, motor_steps });
     }
 
-    /// Returns the contents of the ring: since the last stop or reset, or as that has left it. At standstill only.
+    /// Returns the contents of the ring: since the last stop or reset, or as that has left it. At
+    /// standstill only.
     pub fn past(&self) -> Past {
         self.marks.past(self.next.load(), N)
     }
 
-    /// A slot of [`Self::past`], by its number. `None` if it holds anything but steps of these motors: memory that has not outlived
-    /// the reset.
+    /// A slot of [`Self::past`], by its number. `None` if it holds anything but steps of these
+    /// motors: memory that has not outlived the reset.
     pub fn past_slot(&self, number: u32, pins: &PinMap<PORTS>) -> Option<PastSlot> {
         let slot = self.slot(number);
         let first: [u32; PORTS] = core::array::from_fn(|port| slot.first(port));
@@ -431,7 +442,8 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         self.reloads[1].load().wrapping_add(1)
     }
 
-    /// The number of events up to the end of the slot before the one that is filled next, modulo 2^15.
+    /// The number of events up to the end of the slot before the one that is filled
+    /// next, modulo 2^15.
     pub(super) fn number_before(&self, filled: u32) -> u16 {
         self.slot(filled.wrapping_sub(1)).head().number()
     }

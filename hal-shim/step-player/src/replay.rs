@@ -18,8 +18,8 @@ const RING: usize = MAX_REPLAYED_SLOTS + 1;
 pub struct Replayed {
     /// Ticks of the step timer since the first event.
     pub tick: u64,
-    /// Place of its slot among those replayed. At the change from one slot to the next it is that of the later one, whose first event
-    /// it is.
+    /// Place of its slot among those replayed. At the change from one slot to the next it is that
+    /// of the later one, whose first event it is.
     pub slot: usize,
     /// Motors that step; bit i = motor i.
     pub axes: u8,
@@ -27,10 +27,10 @@ pub struct Replayed {
     pub backwards: u8,
 }
 
-/// Plays slots as the board has: `both_edges` as [`BothEdges`], else [`Pulses`] of `pulse_ticks`. `directions` are
-/// those after the last slot (bit i = motor i runs backwards). The replay ends after `events` events, whether they
-/// step or not. It skips slots after the first [`MAX_REPLAYED_SLOTS`] and contents that no feeder writes: no events,
-/// or a reload value of 0.
+/// Plays slots as the board has: `both_edges` as [`BothEdges`], else [`Pulses`] of `pulse_ticks`.
+/// `directions` are those after the last slot (bit i = motor i runs backwards). The replay ends
+/// after `events` events, whether they step or not. It skips slots after the first
+/// [`MAX_REPLAYED_SLOTS`] and contents that no feeder writes: no events, or a reload value of 0.
 pub fn replay(
     slots: &[PastSlot],
     both_edges: bool,

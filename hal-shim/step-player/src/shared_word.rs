@@ -1,13 +1,14 @@
 //! Memory shared by the planner task and the step interrupt.
 //!
-//! Both run on one core and the interrupt is never interrupted by the task, so that plain loads and stores of whole
-//! words, which is what relaxed atomics are on a Cortex-M, and an order that the compiler keeps are enough: no
-//! barrier instruction. On a host, where tests run the two sides in threads, the processor keeps the order as well.
+//! Both run on one core and the interrupt is never interrupted by the task, so that plain loads and
+//! stores of whole words, which is what relaxed atomics are on a Cortex-M, and an order that the
+//! compiler keeps are enough: no barrier instruction. On a host, where tests run the two sides in
+//! threads, the processor keeps the order as well.
 
 use core::sync::atomic::{AtomicI32, AtomicU8, AtomicU32, Ordering};
 
-/// Orders all earlier stores before a later one: a reader that sees the later store also sees the earlier ones. To be
-/// called before publishing.
+/// Orders all earlier stores before a later one: a reader that sees the later store also sees the
+/// earlier ones. To be called before publishing.
 #[inline(always)]
 pub fn publish() {
     #[cfg(target_os = "none")]

@@ -5,19 +5,19 @@ use super::shared_word::{WordI32, WordU32};
 /// Most events in one slot; events are numbered modulo one more.
 pub const MAX_EVENTS: u16 = 0x7fff;
 
-/// Events that are followed by one interval. The slot's head doubles as its full flag: the producer stores it last, the
-/// interrupt clears it when it has copied the rest.
+/// Events that are followed by one interval. The slot's head doubles as its full flag: the producer
+/// stores it last, the interrupt clears it when it has copied the rest.
 #[derive(Debug)]
 pub struct Slot<const PORTS: usize> {
     /// The words to store to the ports at the first event: the last of the stair before.
     first: [WordU32; PORTS],
-    /// The words of the second; at the others the same turned by 16 bits each time, so that what one sets the next
-    /// resets.
+    /// The words of the second; at the others the same turned by 16 bits each time, so that what
+    /// one sets the next resets.
     then: [WordU32; PORTS],
     /// Reload value for the gaps after the events.
     reload: WordU32,
-    /// Upper half: minus the number of events; 0 for an empty slot. Lower half: number of all events up to the end of this
-    /// slot, modulo 2^15, which stays when the slot has been played.
+    /// Upper half: minus the number of events; 0 for an empty slot. Lower half: number of all
+    /// events up to the end of this slot, modulo 2^15, which stays when the slot has been played.
     head: WordI32,
 }
 
@@ -62,8 +62,9 @@ impl Head {
     }
 }
 
-/// The number of all events up to the end of the slot filled last, modulo 2^15: in the upper 15 bits, where it wraps by
-/// itself. Below are the upper bits of the head of a slot that holds one step, which is this turned by 17 bits.
+/// The number of all events up to the end of the slot filled last, modulo 2^15: in the upper 15
+/// bits, where it wraps by itself. Below are the upper bits of the head of a slot that holds one
+/// step, which is this turned by 17 bits.
 #[derive(Clone, Copy, Debug)]
 pub struct Numbering(u32);
 

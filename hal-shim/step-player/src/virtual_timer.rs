@@ -1,4 +1,5 @@
-//! A timer with a preloaded reload register, as the step interrupt's player sees it, in cycles of the core.
+//! A timer with a preloaded reload register, as the step interrupt's player sees it, in
+//! cycles of the core.
 
 use core::cell::Cell;
 
@@ -50,7 +51,8 @@ impl VirtualUpdateTimer {
         self.now.get()
     }
 
-    /// Sets the cost of every access of the interrupt to the timer, cycles: it represents the instructions around it.
+    /// Sets the cost of every access of the interrupt to the timer, cycles: it represents the
+    /// instructions around it.
     pub fn set_access_cycles(&self, cycles: u64) {
         self.access_cycles.set(cycles);
     }
@@ -110,7 +112,8 @@ impl VirtualUpdateTimer {
         self.masked.get()
     }
 
-    /// Calls the player as the processor does: the step interrupt, and then the other one if it was asked for.
+    /// Calls the player as the processor does: the step interrupt, and then the other one if
+    /// it was asked for.
     pub fn interrupt<M: Stepping, const PORTS: usize, const N: usize>(
         &self,
         player: &StepPlayer<M, PORTS, N>,
@@ -170,7 +173,8 @@ impl UpdateTimer for VirtualUpdateTimer {
 mod tests {
     use super::*;
 
-    /// The flag is up, and the second timer has counted every update, also where many fall into one pass.
+    /// The flag is up, and the second timer has counted every update, also where many
+    /// fall into one pass.
     #[test]
     fn one_pass_is_as_many_small_ones() {
         for (reload, cycles) in [(0, 1_000_001), (99, 70_000 * 200), (20_999, 41_999), (20_999, 42_000), (6, 3)] {

@@ -8,11 +8,12 @@ use crate::volatile::Volatile;
 
 /// Switches the memory on. To be called once, after the clock was started.
 pub fn start(_rcc: &Rcc) -> &'static RecordMemory {
-    // SAFETY: registers of the RCC, which is the caller's, and of the power control, which no task writes to.
+    // SAFETY: registers of the RCC, which is the caller's, and of the power control, which
+    // no task writes to.
     backup_memory::start(&mut unsafe { Volatile::new() });
     const { assert!(size_of::<RecordMemory>() == 4096) };
-    // SAFETY: 4 KiB of memory that is used here alone, of atomics only, for which every value is valid. On a chip
-    // without this memory, as in an emulator, loads give other values than the stored ones, which
-    // `RecordMemory::restart` notices.
+    // SAFETY: 4 KiB of memory that is used here alone, of atomics only, for which every value is
+    // valid. On a chip without this memory, as in an emulator, loads give other values than the
+    // stored ones, which `RecordMemory::restart` notices.
     unsafe { &*(BACKUP_MEMORY as *const RecordMemory) }
 }

@@ -1,4 +1,5 @@
-//! The board that this is built for: its file (`config/boards/`) as constants and as stores to registers.
+//! The board that this is built for: its file (`config/boards/`) as constants and as
+//! stores to registers.
 
 use ferrostep_step_player::{MotorPins, Pin, PinMap, StepLink};
 use ferrostep_stm32f4::sensor_lines::{SensorLines, SensorPin};
@@ -83,19 +84,21 @@ pub struct BoardPins {
 }
 
 impl BoardPins {
-    /// Sets the pins up: heaters and fans off, drivers off, thermistors and the serial line connected, the
-    /// sensors that axes home with inputs (by the stores of [`SensorLines::start`]).
+    /// Sets the pins up: heaters and fans off, drivers off, thermistors and the serial line
+    /// connected, the sensors that axes home with inputs (by the stores of [`SensorLines::start`]).
     pub fn new(_ports: Ports, sensors: [Option<SensorPin>; 3], set_up: &[Store]) -> Self {
-        // SAFETY: stores to ports that are this module's from now on, and of pins that the board's file gives to
-        // motors, fans, thermistors and the serial line; `config/boards/src/registers.rs` makes and tests them.
+        // SAFETY: stores to ports that are this module's from now on, and of pins that the board's
+        // file gives to motors, fans, thermistors and the serial line;
+        // `config/boards/src/registers.rs` makes and tests them.
         unsafe { stores::apply(&PINS) };
-        // SAFETY: pins that the board's file gives to sensors, and the EXTI, which no other code has;
-        // `hal-shim/stm32f4/src/sensor_lines.rs` makes the stores and tests them.
+        // SAFETY: pins that the board's file gives to sensors, and the EXTI, which no other code
+        // has; `hal-shim/stm32f4/src/sensor_lines.rs` makes the stores and tests them.
         unsafe { stores::apply(set_up) };
         Self { sensors: SensorLines::started(sensors) }
     }
 
-    /// The interrupt of a sensor's line: motion stops if the sensor that an axis seeks has triggered.
+    /// The interrupt of a sensor's line: motion stops if the sensor that an axis
+    /// seeks has triggered.
     // Seven interrupts call it.
     #[inline(never)]
     pub fn sensed(&self, link: &StepLink) {
@@ -108,7 +111,8 @@ impl BoardPins {
     }
 }
 
-/// Returns true if a sensor that no axis homes with is triggered. Its pin is set up by [`BoardPins::new`].
+/// Returns true if a sensor that no axis homes with is triggered. Its pin is set up by
+/// [`BoardPins::new`].
 pub fn is_triggered(pin: SensorPin) -> bool {
     // SAFETY: a port is only read.
     pin.is_triggered(&mut unsafe { Volatile::new() })
@@ -165,9 +169,10 @@ impl Motors<MOTOR_PORTS> for BoardPins {
     }
 }
 
-/// Switches all off, for the panic and fault handlers: heaters off, then motors off, then the fans full and off the
-/// USB bus.
+/// Switches all off, for the panic and fault handlers: heaters off, then motors off, then the fans
+/// full and off the USB bus.
 pub(crate) fn all_off() {
-    // SAFETY: pins of heaters, motors and fans, and the USB controller: all states are allowed; no other code runs any more.
+    // SAFETY: pins of heaters, motors and fans, and the USB controller: all states are allowed; no
+    // other code runs any more.
     unsafe { stores::apply(&ALL_OFF) };
 }

@@ -21,14 +21,15 @@ fn now_ticks() -> u32 {
 }
 
 /// Switches the slot on; `None` without the PLL, whose 48 MHz the SDIO needs. After
-/// [`BoardPins::new`](crate::board::BoardPins::new) and the start of the thermistors' converter, which has DMA2's stream 0.
+/// [`BoardPins::new`](crate::board::BoardPins::new) and the start of the thermistors' converter,
+/// which has DMA2's stream 0.
 pub fn start(_: SDIO, clock: &Clock, _: MotionClock) -> Option<Slot> {
     if clock.source == ClockSource::Internal {
         return None;
     }
-    // SAFETY: the SDIO was given up to this; of DMA2 it has stream 3 and the flags of that alone, which are cleared
-    // by writing ones. The pin of the slot is the only part of the ports that it reads. Clocks are switched on before
-    // any task runs.
+    // SAFETY: the SDIO was given up to this; of DMA2 it has stream 3 and the flags of that alone,
+    // which are cleared by writing ones. The pin of the slot is the only part of the ports that it
+    // reads. Clocks are switched on before any task runs.
     let registers = unsafe { Volatile::new() };
     // Addresses have 32 bits here.
     let address = MEMORY.0.as_ptr() as u32;

@@ -1,4 +1,5 @@
-//! The system clock, with every wait bounded: a board with a broken crystal still prints, and reports it.
+//! The system clock, with every wait bounded: a board with a broken crystal still
+//! prints, and reports it.
 
 use cortex_m::peripheral::SCB;
 use cortex_m::peripheral::scb::SystemHandler;
@@ -18,10 +19,12 @@ const MAX_LOOKS: u32 = 50_000;
 
 /// Starts the best clock that works, in whatever state a boot loader has left the chip.
 ///
-/// The HAL's own start waits for crystal and PLL without a bound, leaves the voltage scale, the second PLLs and the buses' resets
-/// as a boot loader had them, and does not turn clock security on (hazards 1.6, 3.1 and 3.2 in `docs/src/hazards.md`). So this
-/// starts the clock first: the HAL's `freeze` then finds every flag set and stores the values that the registers already hold
-/// (`config/boards/src/clock.rs` tests that its search finds the same PLL). The HAL's drivers need the value it returns.
+/// The HAL's own start waits for crystal and PLL without a bound, leaves the voltage scale, the
+/// second PLLs and the buses' resets as a boot loader had them, and does not turn clock security on
+/// (hazards 1.6, 3.1 and 3.2 in `docs/src/hazards.md`). So this starts the clock first: the HAL's
+/// `freeze` then finds every flag set and stores the values that the registers already hold
+/// (`config/boards/src/clock.rs` tests that its search finds the same PLL). The HAL's drivers need
+/// the value it returns.
 pub fn start(rcc: RCC, _flash: &FLASH) -> (Clock, Rcc) {
     let settings = ClockSettings {
         family: FAMILY,
@@ -30,8 +33,9 @@ pub fn start(rcc: RCC, _flash: &FLASH) -> (Clock, Rcc) {
         apb2_code: APB2_CODE,
         flash_wait_states: FLASH_WAIT_STATES,
     };
-    // SAFETY: registers of RCC and flash, which are the caller's, and of the power control, which is used before this only.
-    // The numbers are within the limits of the manual (`config/boards/src/clock.rs` makes and tests them).
+    // SAFETY: registers of RCC and flash, which are the caller's, and of the power control, which
+    // is used before this only. The numbers are within the limits of the manual
+    // (`config/boards/src/clock.rs` makes and tests them).
     let registers = unsafe { Volatile::new() };
     let source = clock_tree::start_best(&mut ClockRegisters::start_internal(registers, settings));
     let with_pll =
@@ -52,8 +56,8 @@ pub fn start(rcc: RCC, _flash: &FLASH) -> (Clock, Rcc) {
     (clock, rcc)
 }
 
-/// Gives SysTick, the timer of the waits, a priority from 1 to 16 in RTIC's sense. After reset it has the highest, and
-/// the step interrupt would have to wait for it.
+/// Gives SysTick, the timer of the waits, a priority from 1 to 16 in RTIC's sense. After reset it
+/// has the highest, and the step interrupt would have to wait for it.
 pub fn set_systick_priority(scb: &mut SCB, priority: u8) {
     // Four bits of priority, in the upper half of the byte, 0 the highest.
     let hardware = (16 - priority.clamp(1, 16)) << 4;

@@ -1,5 +1,5 @@
-//! The serial lines to motor drivers: none, USART2 on one wire, or a pin each with TIM7. Their logic is
-//! `ferrostep_stm32f4`'s.
+//! The serial lines to motor drivers: none, USART2 on one wire, or a pin each with TIM7. Their
+//! logic is `ferrostep_stm32f4`'s.
 
 use core::sync::atomic::AtomicU8;
 
@@ -11,8 +11,9 @@ use crate::handlers::complete_stores;
 use crate::pac::{Interrupt, TIM7, USART2};
 use crate::volatile::Volatile;
 
-/// Mask of the motors whose drivers are set up. In RAM and by this name, so that a debugger, or a change of the image,
-/// can take drivers away where there is no motor supply; the board's tests do so in an emulator.
+/// Mask of the motors whose drivers are set up. In RAM and by this name, so that a debugger, or a
+/// change of the image, can take drivers away where there is no motor supply; the board's tests do
+/// so in an emulator.
 #[used]
 #[unsafe(no_mangle)]
 pub static FERROSTEP_DRIVERS: AtomicU8 = AtomicU8::new(0b1111_1111);
@@ -21,9 +22,11 @@ pub static FERROSTEP_DRIVERS: AtomicU8 = AtomicU8::new(0b1111_1111);
 pub trait DriverLine: SingleWireUart {
     /// Their speed.
     const BAUD: u32;
-    /// The interrupt to be called when a datagram begins, for an emulator's port that does not do so itself.
+    /// The interrupt to be called when a datagram begins, for an emulator's port that does
+    /// not do so itself.
     const PENDED: Option<Interrupt> = None;
-    /// Starts them at pins (port, 0 for A, and number): that of the shared line first, or each motor's.
+    /// Starts them at pins (port, 0 for A, and number): that of the shared line first,
+    /// or each motor's.
     fn start(peripherals: (USART2, TIM7), clock: &Clock, pins: &[(u8, u8)]) -> Self;
     /// The interrupt.
     fn interrupt(&mut self);
@@ -54,13 +57,13 @@ impl DriverLine for SharedLine {
 pub type OwnLines<const N: usize> = PinLines<Volatile, N>;
 
 impl<const N: usize> DriverLine for OwnLines<N> {
-    /// The fastest rate that a timer's interrupt can sample without much of the processor's time: 76,800 interrupts a
-    /// second while a line is in use.
+    /// The fastest rate that a timer's interrupt can sample without much of the processor's time:
+    /// 76,800 interrupts a second while a line is in use.
     const BAUD: u32 = 19_200;
 
     fn start(_: (USART2, TIM7), clock: &Clock, pins: &[(u8, u8)]) -> Self {
-        // SAFETY: TIM7 was given up to this; the pins are the lines' by the board's file. After the start
-        // only code that this cannot interrupt changes their ports' modes.
+        // SAFETY: TIM7 was given up to this; the pins are the lines' by the board's file. After the
+        // start only code that this cannot interrupt changes their ports' modes.
         let registers = unsafe { Volatile::new() };
         let pins = core::array::from_fn(|motor| pins.get(motor).copied().unwrap_or_default());
         Self::start(registers, pins, clock.slow_timers.raw(), Self::BAUD)

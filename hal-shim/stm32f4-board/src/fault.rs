@@ -1,4 +1,5 @@
-//! The hard fault: a check of the program that failed, a stack that overflowed, a bus error, memory run wild.
+//! The hard fault: a check of the program that failed, a stack that overflowed, a bus error,
+//! memory run wild.
 
 use core::arch::naked_asm;
 use core::fmt;
@@ -11,12 +12,13 @@ use crate::safe_state;
 /// Offset of the program counter in the eight words that the core pushes, bytes.
 const PROGRAM_COUNTER: u32 = 24;
 
-/// UNDEFINSTR of the configurable fault status register: the core met an instruction that it does not know (PM0214, 4.4.10).
+/// UNDEFINSTR of the configurable fault status register: the core met an instruction that it does
+/// not know (PM0214, 4.4.10).
 const UNDEFINED_INSTRUCTION: u32 = 1 << 16;
 
-/// The exception's entry. After a stack overflow the stack pointer is below RAM, and the first push of an ordinary
-/// handler would lock the core up, heaters on: so this one first sets the stack pointer back to the start of the
-/// stack.
+/// The exception's entry. After a stack overflow the stack pointer is below RAM, and the first push
+/// of an ordinary handler would lock the core up, heaters on: so this one first sets the stack
+/// pointer back to the start of the stack.
 ///
 /// # Safety
 /// For the vector table only.
@@ -36,7 +38,8 @@ extern "C" fn handle(frame: u32) -> ! {
         let address = unsafe { core::ptr::read_volatile(at as *const u32) };
         // SAFETY: a register is only read.
         let status = unsafe { &*SCB::PTR }.cfsr.read();
-        // An image has one such instruction, for a check that fails: an overflow, an index out of range.
+        // An image has one such instruction, for a check that fails: an overflow, an
+        // index out of range.
         let what = if status & UNDEFINED_INSTRUCTION == 0 { "fault" } else { "panic" };
         tell(format_args!("{what} at {address:#010x}"));
     } else {

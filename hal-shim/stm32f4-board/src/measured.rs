@@ -1,7 +1,8 @@
 //! Times of steps and planning, measured while the machine prints; no cost while switched off.
 //!
-//! The step interrupt is measured from outside: while it is on, its vector leads to [`step_interrupt_measured`], which
-//! calls the handler proper. Planning is measured by [`PlanningMeter`].
+//! The step interrupt is measured from outside: while it is on, its vector leads to
+//! [`step_interrupt_measured`], which calls the handler proper. Planning is measured by
+//! [`PlanningMeter`].
 
 use core::sync::atomic::{AtomicBool, AtomicPtr, Ordering};
 
@@ -12,8 +13,8 @@ use crate::motion_clock::MotionClock;
 use crate::pac::{Interrupt, TIM2, TIM5};
 use crate::vector_table::VectorTable;
 
-/// Ticks of the step timer from an update to the first instruction of its interrupt: what delayed it, and what entering
-/// it takes.
+/// Ticks of the step timer from an update to the first instruction of its interrupt: what delayed
+/// it, and what entering it takes.
 static STEP_LATENCY: Histogram = Histogram::new();
 /// The step interrupt, from its first instruction to its last.
 static STEP_DURATION: Histogram = Histogram::new();
@@ -59,15 +60,15 @@ pub fn clear() {
     }
 }
 
-/// The switch, for tasks below the step interrupt and the planner. These add to the histograms, and never see a
-/// half-cleared one in the middle of an addition.
+/// The switch, for tasks below the step interrupt and the planner. These add to the histograms, and
+/// never see a half-cleared one in the middle of an addition.
 pub struct Switch {
     vectors: VectorTable,
 }
 
 impl Switch {
-    /// Finds a counter: the core's cycles, or if they do not count (an emulator's, a core without) the motion clock,
-    /// which runs already.
+    /// Finds a counter: the core's cycles, or if they do not count (an emulator's, a core without)
+    /// the motion clock, which runs already.
     pub fn new(vectors: VectorTable, mut debug: DCB, mut trace: DWT, _motion_clock: MotionClock) -> Self {
         debug.enable_trace();
         trace.enable_cycle_counter();
@@ -78,7 +79,8 @@ impl Switch {
             // SAFETY: the address of a register; it is only read, volatile.
             unsafe { (&raw const (*DWT::PTR).cyccnt).cast::<u32>() }
         } else {
-            // SAFETY: as above; its owner was given up to the motion clock, which only reads it as well.
+            // SAFETY: as above; its owner was given up to the motion clock, which only
+            // reads it as well.
             unsafe { (*TIM5::ptr()).cnt().as_ptr().cast_const() }
         };
         COUNTER_IS_OF_CORE.store(of_core, Ordering::Relaxed);
@@ -89,8 +91,8 @@ impl Switch {
     /// Switches the measurement on or off. The histograms stay.
     pub fn set(&mut self, on: bool) {
         if on {
-            // SAFETY: it calls the handler that it replaces and else only reads two counters and adds to its
-            // histograms; the counter was found in `new`.
+            // SAFETY: it calls the handler that it replaces and else only reads two counters and
+            // adds to its histograms; the counter was found in `new`.
             unsafe { self.vectors.replace(Interrupt::TIM2, step_interrupt_measured) };
         } else {
             self.vectors.restore();
@@ -110,11 +112,12 @@ unsafe fn now() -> u32 {
     unsafe { counter.read_volatile() }
 }
 
-/// Replaces the step interrupt's handler while times are measured. The step timer counts from 0 at each update: its
-/// count here is the delay of the interrupt.
+/// Replaces the step interrupt's handler while times are measured. The step timer counts from 0 at
+/// each update: its count here is the delay of the interrupt.
 unsafe extern "C" fn step_interrupt_measured() {
     unsafe extern "C" {
-        /// The handler proper: by its name, because a look into the vector table would delay its reload value.
+        /// The handler proper: by its name, because a look into the vector table would delay
+        /// its reload value.
         fn TIM2();
     }
     // SAFETY: the counter is only read.

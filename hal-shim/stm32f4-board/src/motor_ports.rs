@@ -22,7 +22,8 @@ pub trait Motors<const PORTS: usize> {
     }
     /// The ports that carry their step and direction signals.
     fn ports(&self) -> MotorPorts<PORTS>;
-    /// Switches on the drivers in the mask, and off the others. Those that share a signal are on while one of them is.
+    /// Switches on the drivers in the mask, and off the others. Those that share a signal are on
+    /// while one of them is.
     fn enable(&self, on: u8);
 
     /// Reads a sensor as [`ferrostep_hal_shim::HomingSensors::is_sensor_triggered`] does.
@@ -58,8 +59,8 @@ impl MotorPort {
     /// A store to BSRR sets and resets pins at once, without a read.
     #[inline(always)]
     pub(crate) fn write(self, word: u32) {
-        // SAFETY: the address is a port's BSRR, always writable; zeros have no effect, and ones name pins that are
-        // the caller's by the contract of `of`.
+        // SAFETY: the address is a port's BSRR, always writable; zeros have no effect, and ones
+        // name pins that are the caller's by the contract of `of`.
         unsafe { self.bsrr.write_volatile(word) }
     }
 }

@@ -4,7 +4,8 @@ use ferrostep_step_player::StepLink;
 
 use crate::pac::TIM2;
 
-/// Stops all motors before the next instruction; the planner task does the rest. From any task but the step interrupt.
+/// Stops all motors before the next instruction; the planner task does the rest. From any task but
+/// the step interrupt.
 pub fn stop(link: &StepLink) {
     halt();
     link.request_stop();

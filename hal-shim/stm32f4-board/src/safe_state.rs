@@ -12,12 +12,12 @@ use crate::{board, servo, supervision};
 /// Most looks at the transmitter for one byte: more than a byte takes at 9600 baud and 168 MHz.
 const MAX_LOOKS: u32 = 200_000;
 
-/// Cycles between two feedings of the watchdog in the safe state where no pulse takes as long: 20 ms, or 0.2 s on the internal
-/// oscillator, of its second.
+/// Cycles between two feedings of the watchdog in the safe state where no pulse takes as long: 20
+/// ms, or 0.2 s on the internal oscillator, of its second.
 const REST_CYCLES: u32 = CORE_HZ / 50;
 
-/// Stops all interrupts and switches heaters, then motors off, by their registers; then the fans full on, and the USB
-/// port off the bus, so that its host ends as well.
+/// Stops all interrupts and switches heaters, then motors off, by their registers; then the fans
+/// full on, and the USB port off the bus, so that its host ends as well.
 // Inlined, so that the test of interrupt masking sees each caller.
 #[inline(always)]
 pub fn enter() {
@@ -25,9 +25,9 @@ pub fn enter() {
     board::all_off();
 }
 
-/// Returns true if the crystal has stopped, for which the core calls the interrupt that cannot be masked. The chip
-/// has gone over to its internal oscillator by itself, buses divided as before; then the host's line gets its speed
-/// back. After [`enter`] only.
+/// Returns true if the crystal has stopped, for which the core calls the interrupt that cannot be
+/// masked. The chip has gone over to its internal oscillator by itself, buses divided as before;
+/// then the host's line gets its speed back. After [`enter`] only.
 pub fn crystal_has_stopped() -> bool {
     // SAFETY: a register is only read.
     let has_stopped = clock_setup::crystal_has_stopped(&mut unsafe { Volatile::new() });
@@ -41,8 +41,8 @@ pub fn crystal_has_stopped() -> bool {
     has_stopped
 }
 
-/// Keeps a text over the reset, and then sends it to the host, which takes a thousand times as long. After [`enter`]
-/// only.
+/// Keeps a text over the reset, and then sends it to the host, which takes a thousand times as
+/// long. After [`enter`] only.
 #[inline(never)]
 pub fn tell(end: fmt::Arguments<'_>, kept: fmt::Arguments<'_>) {
     supervision::keep_last_words(kept);
@@ -50,9 +50,9 @@ pub fn tell(end: fmt::Arguments<'_>, kept: fmt::Arguments<'_>) {
     let _ = fmt::write(&mut LastWords, format_args!("\nError:{end}, printer halted. kill() called!\n"));
 }
 
-/// Rests until someone resets the board: a machine that starts again on its own might start heating, or continue a
-/// print from a wrong position. The watchdog, which would reset it, is fed. A probe's pin is called in, again and
-/// again.
+/// Rests until someone resets the board: a machine that starts again on its own might start
+/// heating, or continue a print from a wrong position. The watchdog, which would reset it, is fed.
+/// A probe's pin is called in, again and again.
 pub fn rest() -> ! {
     loop {
         supervision::feed_at_the_end();

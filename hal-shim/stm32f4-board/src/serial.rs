@@ -4,7 +4,8 @@ use crate::handlers::complete_stores;
 use crate::pac::{RCC, USART1};
 use fugit::HertzU32 as Hertz;
 
-/// Most bytes handed to the transmitter in one interrupt. A real one takes two; QEMU's would take all there are.
+/// Most bytes handed to the transmitter in one interrupt. A real one takes two; QEMU's would
+/// take all there are.
 const BYTES_AT_ONCE: usize = 16;
 
 /// State of the transmitter after a call.
@@ -24,12 +25,14 @@ pub struct Serial {
 }
 
 impl Serial {
-    /// Starts the port: 8 bits, no parity, 1 stop bit; the receive interrupt is on. `bus` is the port's clock.
+    /// Starts the port: 8 bits, no parity, 1 stop bit; the receive interrupt is on. `bus` is
+    /// the port's clock.
     pub fn start(usart: USART1, rcc: &RCC, bus: Hertz, baud: u32) -> Self {
         rcc.apb2enr().modify(|_, w| w.usart1en().set_bit());
         // Read back: `Registers::switch_clocks_on` says why.
         let _switched_on = rcc.apb2enr().read();
-        // Sixteenths of the divider, rounded, are what BRR holds; 84 MHz / 9600 baud fit its 16 bits.
+        // Sixteenths of the divider, rounded, are what BRR holds; 84 MHz / 9600 baud
+        // fit its 16 bits.
         let divider = (bus.raw() + baud / 2) / baud.max(1);
         // SAFETY: any value is a divider.
         usart.brr().write(|w| unsafe { w.bits(divider as u16) });
@@ -37,7 +40,8 @@ impl Serial {
         Self { usart }
     }
 
-    /// The byte that has come, if one has. A byte lost before it (overrun) shows in the line's checksum.
+    /// The byte that has come, if one has. A byte lost before it (overrun) shows in the
+    /// line's checksum.
     #[inline]
     pub fn receive(&mut self) -> Option<u8> {
         let status = self.usart.sr().read();
@@ -47,7 +51,8 @@ impl Serial {
         byte.filter(|_| has_byte)
     }
 
-    /// Hands bytes from `next` to the transmitter while it takes them: the last that the interrupt does.
+    /// Hands bytes from `next` to the transmitter while it takes them: the last that
+    /// the interrupt does.
     pub fn transmit(&mut self, next: impl FnMut() -> Option<u8>) -> Transmit {
         let outcome = self.hand_over(next);
         complete_stores();

@@ -15,7 +15,8 @@ use crate::volatile::Volatile;
 /// Pulses left to send ([`ServoPulses::word`]).
 static PULSES: AtomicU32 = AtomicU32::new(0);
 
-/// The width that calls a probe's pin in, microseconds: `ferrostep_gcode::PinCommand::IN_US`, which this crate does not know.
+/// The width that calls a probe's pin in, microseconds: `ferrostep_gcode::PinCommand::IN_US`, which
+/// this crate does not know.
 pub const PIN_IN_US: u16 = 1_475;
 
 /// The signal, for its interrupt's task.
@@ -29,7 +30,8 @@ impl Servo {
             // A board without a servo never enables the interrupt.
             None => (0, 0),
         };
-        // SAFETY: TIM6 is given up to `start`; of the ports it sets the board's servo pin alone, by one store.
+        // SAFETY: TIM6 is given up to `start`; of the ports it sets the board's servo pin
+        // alone, by one store.
         Self(ServoLine::at(unsafe { Volatile::new() }, pin))
     };
 
@@ -53,8 +55,8 @@ pub fn send(pulses: ServoPulses) {
     NVIC::pend(Interrupt::TIM6_DAC);
 }
 
-/// One pulse that calls a probe's pin in, and the pause after it, for the panic and fault handlers, which no interrupt interrupts any
-/// more. `false` without a servo.
+/// One pulse that calls a probe's pin in, and the pause after it, for the panic and fault handlers,
+/// which no interrupt interrupts any more. `false` without a servo.
 pub(crate) fn pin_in_at_the_end() -> bool {
     let Some(pin) = SERVO else { return false };
     // SAFETY: no other code runs any more.

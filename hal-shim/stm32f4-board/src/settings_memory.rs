@@ -14,8 +14,8 @@ pub fn start(_flash: FLASH) {}
 
 /// The sectors, into which no image reaches (`memory.x`). For one task.
 pub fn sectors() -> Sectors {
-    // SAFETY: registers of the flash, which `start` has taken, so that no other code has them, and words of sectors
-    // that the linker leaves free. Besides, the watchdog's reload value, which is as before when an erasure ends: a
-    // task that feeds it meanwhile does not change it.
+    // SAFETY: registers of the flash, which `start` has taken, so that no other code has them, and
+    // words of sectors that the linker leaves free. Besides, the watchdog's reload value, which is
+    // as before when an erasure ends: a task that feeds it meanwhile does not change it.
     SectorFlash::new(unsafe { Volatile::new() })
 }

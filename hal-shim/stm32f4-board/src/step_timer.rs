@@ -34,8 +34,8 @@ unsafe impl Send for Timer {}
 impl<M: Stepping, const PORTS: usize, const N: usize> StepTimer<M, PORTS, N> {
     /// Starts the timer, which never stops. Its interrupt is masked until a motion starts.
     ///
-    /// The counter is used as reset has left it. QEMU adds the time of the last write to the counter to every
-    /// interval, so it is never written.
+    /// The counter is used as reset has left it. QEMU adds the time of the last write to the
+    /// counter to every interval, so it is never written.
     pub fn start(
         timer: TIM2,
         counter: TIM9,
@@ -50,8 +50,8 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepTimer<M, PORTS, N> {
         // TRGO = update (RM0090 18.4.2, MMS 010): what TIM9 counts.
         // SAFETY: a value that the field has.
         timer.cr2().write(|w| unsafe { w.bits(0b010 << 4) });
-        // SAFETY: any reload value is valid. Without preload this takes effect at once; the interrupt writes all others
-        // with preload.
+        // SAFETY: any reload value is valid. Without preload this takes effect at once; the
+        // interrupt writes all others with preload.
         timer.arr().write(|w| unsafe { w.bits(IDLE_TICKS - 1) });
         timer.cr1().write(|w| w.arpe().set_bit().cen().set_bit());
         Self { timer: Timer::new(), player, ports: motors.ports(), next: NextWords::NONE }
@@ -65,8 +65,8 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepTimer<M, PORTS, N> {
         self.player.update(&mut self.next, &timer, &self.ports);
     }
 
-    /// The interrupt that the first calls, for TIM9: of the same priority, and in the table before TIM2, so that it comes
-    /// first where both wait. TIM9 itself never asks for it.
+    /// The interrupt that the first calls, for TIM9: of the same priority, and in the table before
+    /// TIM2, so that it comes first where both wait. TIM9 itself never asks for it.
     #[inline(always)]
     pub fn start_or_end(&mut self) {
         let timer = self.timer;
@@ -75,17 +75,19 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepTimer<M, PORTS, N> {
 }
 
 impl Timer {
-    /// TIM2 was given up to [`StepTimer::start`]. Besides this only the planner task writes to it, while the interrupt is
-    /// masked.
+    /// TIM2 was given up to [`StepTimer::start`]. Besides this only the planner task writes to it,
+    /// while the interrupt is masked.
     fn new() -> Self {
         // SAFETY: as said above.
         Self(unsafe { &*TIM2::ptr() })
     }
 }
 
-/// Lets TIM9 count the updates of TIM2, modulo 2^15. Without a TIM9 (in an emulator) there is no count.
+/// Lets TIM9 count the updates of TIM2, modulo 2^15. Without a TIM9 (in an emulator)
+/// there is no count.
 ///
-/// Slave of TIM2: external clock mode 1 on ITR0 (RM0090 19.4.3, SMS 111, TS 000; table 99: TIM9's ITR0 is TIM2).
+/// Slave of TIM2: external clock mode 1 on ITR0 (RM0090 19.4.3, SMS 111, TS 000; table 99:
+/// TIM9's ITR0 is TIM2).
 fn start_count(counter: TIM9, rcc: &RCC) {
     rcc.apb2enr().modify(|_, w| w.tim9en().set_bit());
     let _switched_on = rcc.apb2enr().read();
@@ -99,8 +101,9 @@ fn start_count(counter: TIM9, rcc: &RCC) {
 impl UpdateTimer for Timer {
     #[inline(always)]
     fn clear_update(&self) {
-        // Zeros clear flags, ones have no effect, and all flags but the update's, bit 0, are unused. So any word with
-        // that bit clear will do: an address that is in a register anyway saves an instruction.
+        // Zeros clear flags, ones have no effect, and all flags but the update's, bit 0, are
+        // unused. So any word with that bit clear will do: an address that is in a register anyway
+        // saves an instruction.
         let word = core::ptr::from_ref(self.0) as u32;
         // SAFETY: as said.
         self.0.sr().write(|w| unsafe { w.bits(word) });
@@ -168,8 +171,8 @@ pub struct MotorQueue<B, M: 'static, const PORTS: usize, const N: usize> {
 }
 
 impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQueue<B, M, PORTS, N> {
-    /// The producer's side. The clock tells how long planning takes; without one it is taken to keep up. Puts the direction
-    /// signals where the feeder takes them to be.
+    /// The producer's side. The clock tells how long planning takes; without one it is taken to
+    /// keep up. Puts the direction signals where the feeder takes them to be.
     pub fn new(motors: B, feeder: StepFeeder<'static, M, PORTS, N>, clock: Option<MotionClock>) -> Self {
         let ports = motors.ports();
         for (port, word) in feeder.direction_words().into_iter().enumerate() {
@@ -191,7 +194,8 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQue
 }
 
 impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQueue<B, M, PORTS, N> {
-    /// Excludes the motors of Z outside the mask from stepping, and the extruders of all tools but the selected one.
+    /// Excludes the motors of Z outside the mask from stepping, and the extruders of all tools but
+    /// the selected one.
     fn rest(&mut self, z_motors: u8) {
         let of_z = (0..B::Z_MOTORS).filter(|motor| z_motors >> motor & 1 == 0).filter_map(B::z_step_pin);
         let extruders = if B::EXTRUDERS > 1 { B::EXTRUDERS } else { 0 };
@@ -204,8 +208,8 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQue
         has_count()
     }
 
-    /// Number of updates that the interrupt has missed in this motion; `None` if updates come faster than both sides
-    /// are read.
+    /// Number of updates that the interrupt has missed in this motion; `None` if updates come
+    /// faster than both sides are read.
     fn missed(&self) -> Option<u16> {
         if !has_count() {
             return Some(0);

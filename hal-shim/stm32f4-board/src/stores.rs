@@ -15,8 +15,8 @@ pub struct Store {
 /// Makes the stores, in order.
 ///
 /// # Safety
-/// Each address is a register of 32 bits that may be read and may have this value at this time, and no other code changes
-/// it meanwhile.
+/// Each address is a register of 32 bits that may be read and may have this value at this time, and
+/// no other code changes it meanwhile.
 pub(crate) unsafe fn apply(stores: &[Store]) {
     for &Store { address, clear, set } in stores {
         let register = address as *mut u32;

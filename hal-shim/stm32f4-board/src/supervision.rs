@@ -9,7 +9,8 @@ use crate::board::THERMAL;
 use crate::pac::{FLASH, IWDG, RCC};
 use crate::volatile::Volatile;
 
-/// The last words of a program that panicked or failed. No reset and no start of the program fills this memory.
+/// The last words of a program that panicked or failed. No reset and no start of the program
+/// fills this memory.
 #[unsafe(link_section = ".uninit.last_words")]
 static LAST_WORDS: CrashMessage = CrashMessage::new();
 
@@ -21,7 +22,8 @@ pub fn reset_cause(_rcc: &RCC) -> ResetCause {
 
 /// Keeps the chip in reset while its supply is too low. Writes to flash the first time.
 pub fn set_brown_out_level(_rcc: &RCC, _flash: &FLASH) -> BrownOut {
-    // SAFETY: registers of RCC and flash, which are the caller's, and of the power control, which is used here alone.
+    // SAFETY: registers of RCC and flash, which are the caller's, and of the power control, which
+    // is used here alone.
     chip::set_brown_out_level(&mut unsafe { Volatile::new() })
 }
 
@@ -34,7 +36,8 @@ pub struct Watchdog {
 impl Watchdog {
     /// Starts it. On a board with heaters it also runs while a debugger has halted the core.
     pub fn start(_watchdog: IWDG) -> Self {
-        // SAFETY: its registers were given up to this; besides, a bit of the debugger's settings that is written here alone.
+        // SAFETY: its registers were given up to this; besides, a bit of the debugger's settings
+        // that is written here alone.
         let mut registers = unsafe { Volatile::new() };
         let under_debugger = if THERMAL.is_some() { UnderDebugger::Runs } else { UnderDebugger::StandsStill };
         Self { watchdog: chip::Watchdog::start(under_debugger, &mut registers), registers }
@@ -48,7 +51,8 @@ impl Watchdog {
 
 /// Feeds the watchdog, if it runs, in the safe state: a reset would end it.
 pub(crate) fn feed_at_the_end() {
-    // SAFETY: one store, which is allowed at any time and leaves the watchdog as `Watchdog::feed` would.
+    // SAFETY: one store, which is allowed at any time and leaves the watchdog as
+    // `Watchdog::feed` would.
     watchdog::feed(&mut unsafe { Volatile::new() });
 }
 

@@ -23,18 +23,20 @@ static PULSES: PulseCounts = [const { AtomicU16::new(0) }; FanOutput::COUNT];
 /// The peripherals that measure.
 pub type Converters = (ADC1, ADC3, ADC_COMMON, DMA2);
 
-/// Starts converter and timers, all heaters and fans off; `None` on a board without heaters. Fans that the machine does not use stay
-/// plain outputs, and low. After [`BoardPins::new`](crate::board::BoardPins::new).
+/// Starts converter and timers, all heaters and fans off; `None` on a board without heaters. Fans
+/// that the machine does not use stay plain outputs, and low. After
+/// [`BoardPins::new`](crate::board::BoardPins::new).
 pub fn start(used_fans: [bool; FanOutput::COUNT], _converters: Converters, clock: &Clock) -> Option<Heaters> {
     let mut pins = THERMAL?;
     for (fan, is_used) in pins.fans.iter_mut().zip(used_fans) {
         *fan = fan.filter(|_| is_used);
     }
     let clocks = PwmClocks { slow_hz: clock.slow_timers.raw(), fast_hz: clock.fast_timers.raw() };
-    // SAFETY: the converters and the stream were given up to this. The timers are those that the board's file gives
-    // to heaters and fans, and the firmware uses none of them otherwise (`config/boards/src/signals.rs`); their pins
-    // are theirs alone. Clocks are switched on before any task runs. The panic and fault handlers take the pins away
-    // when no other code runs any more.
+    // SAFETY: the converters and the stream were given up to this. The timers are those that
+    // the board's file gives to heaters and fans, and the firmware uses none of them
+    // otherwise (`config/boards/src/signals.rs`); their pins are theirs alone. Clocks are
+    // switched on before any task runs. The panic and fault handlers take the pins away when
+    // no other code runs any more.
     let registers = unsafe { Volatile::new() };
     // Addresses have 32 bits here.
     let address = MEMORY.as_ptr() as u32;
@@ -51,7 +53,8 @@ impl FanSpeeds {
         if !fans.iter().flatten().any(|fan| fan.tachometer.is_some()) {
             return None;
         }
-        // SAFETY: pins that the board's file gives to tachometers alone. Nothing else runs yet that changes their ports' registers.
+        // SAFETY: pins that the board's file gives to tachometers alone. Nothing else runs yet that
+        // changes their ports' registers.
         let mut registers = unsafe { Volatile::new() };
         Some(Self(Tachometers::start(&fans, &mut registers)))
     }

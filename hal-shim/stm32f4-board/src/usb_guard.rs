@@ -16,12 +16,13 @@ pub struct UsbGuard {
 impl UsbGuard {
     /// A guard of a controller that has answered.
     pub fn new(_global: &OTG_FS_GLOBAL, _device: &OTG_FS_DEVICE) -> Self {
-        // SAFETY: registers of the controller, which the caller has, and which its driver uses at other times only: in the
-        // same interrupt.
+        // SAFETY: registers of the controller, which the caller has, and which its driver uses at
+        // other times only: in the same interrupt.
         Self { registers: unsafe { Volatile::new() }, is_off: false }
     }
 
-    /// Returns true if the driver may look at the controller now. If not, the port leaves the bus for good.
+    /// Returns true if the driver may look at the controller now. If not, the port leaves
+    /// the bus for good.
     pub fn is_sound(&mut self) -> bool {
         if !self.is_off && usb_controller::has_wrong_speed(&mut self.registers) {
             usb_controller::switch_off(&mut self.registers);

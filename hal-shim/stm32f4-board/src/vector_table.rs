@@ -1,8 +1,9 @@
 //! Replacement of an interrupt's handler while the program runs.
 //!
-//! The core finds its handlers in a table, by an address that it keeps in VTOR (PM0214, 4.4.4). The table of the
-//! image lies in flash. While a handler is replaced, a copy in RAM takes the table's place; then the interrupt's own
-//! code needs no flag to look at, and costs nothing extra without a replacement.
+//! The core finds its handlers in a table, by an address that it keeps in VTOR (PM0214, 4.4.4).
+//! The table of the image lies in flash. While a handler is replaced, a copy in RAM takes the
+//! table's place; then the interrupt's own code needs no flag to look at, and costs nothing extra
+//! without a replacement.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -36,23 +37,25 @@ const _: () = assert!(size_of::<Table>() == 512, "the alignment is less than the
 static COPY: Table = Table([const { AtomicU32::new(0) }; ENTRIES]);
 
 unsafe extern "C" {
-    /// The image's table, where the linker script of cortex-m-rt has put it. An entry that the chip does not have is 0;
-    /// the first is the stack pointer, which only the core makes use of.
+    /// The image's table, where the linker script of cortex-m-rt has put it. An entry that the chip
+    /// does not have is 0; the first is the stack pointer, which only the core makes use of.
     static __vector_table: [Option<Handler>; ENTRIES];
 }
 
 /// The handler that the image has for an interrupt.
 #[inline(always)]
 pub fn original(interrupt: Interrupt) -> Option<Handler> {
-    // SAFETY: the table is in flash, as long as said, and never written; `None` is what a word of 0 means for such a
-    // type, and any other word is a handler (or the stack pointer, which no interrupt's number leads to).
+    // SAFETY: the table is in flash, as long as said, and never written; `None` is what a word of 0
+    // means for such a type, and any other word is a handler (or the stack pointer, which no
+    // interrupt's number leads to).
     unsafe { __vector_table.get(EXCEPTIONS.wrapping_add(interrupt as usize)).copied().flatten() }
 }
 
 /// The core's vector table register.
 pub struct VectorTable {
     scb: SCB,
-    /// Address of the image's table: cortex-m-rt has told the core, whatever a boot loader had told it.
+    /// Address of the image's table: cortex-m-rt has told the core, whatever a boot
+    /// loader had told it.
     of_image: u32,
 }
 
@@ -63,17 +66,19 @@ impl VectorTable {
         Self { scb, of_image }
     }
 
-    /// Makes the core call `handler` at an interrupt from now on. Replaces at most one; the last one counts.
+    /// Makes the core call `handler` at an interrupt from now on. Replaces at most one; the
+    /// last one counts.
     ///
     /// # Safety
-    /// `handler` must be sound to run at any moment at which the interrupt may come, at its priority, and do all that
-    /// the handler it replaces is relied on for.
+    /// `handler` must be sound to run at any moment at which the interrupt may come, at its
+    /// priority, and do all that the handler it replaces is relied on for.
     pub unsafe fn replace(&mut self, interrupt: Interrupt, handler: Handler) {
         // SAFETY: as in `original`; read as words, each of which is valid.
         let image = unsafe { &*(&raw const __vector_table).cast::<[u32; ENTRIES]>() };
         for (entry, (copy, &word)) in COPY.0.iter().zip(image).enumerate() {
             let is_replaced = entry == EXCEPTIONS.wrapping_add(interrupt as usize);
-            // On this target an address has 32 bits; bit 0 says Thumb and is set in every function's.
+            // On this target an address has 32 bits; bit 0 says Thumb and is set in
+            // every function's.
             copy.store(if is_replaced { handler as usize as u32 } else { word }, Ordering::Relaxed);
         }
         self.point_to((&raw const COPY) as usize as u32);
@@ -85,9 +90,11 @@ impl VectorTable {
     }
 
     fn point_to(&mut self, table: u32) {
-        // The copy is complete before the core may read it, and the next interrupt is taken by the new table.
+        // The copy is complete before the core may read it, and the next interrupt is taken
+        // by the new table.
         dsb();
-        // SAFETY: a table of handlers, aligned as it has to be: either the image's or the copy, complete by now.
+        // SAFETY: a table of handlers, aligned as it has to be: either the image's or the copy,
+        // complete by now.
         unsafe { self.scb.vtor.write(table) };
         dsb();
         isb();

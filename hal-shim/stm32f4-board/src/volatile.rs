@@ -8,7 +8,8 @@ pub struct Volatile(());
 
 impl Volatile {
     /// # Safety
-    /// It is used by an adapter of `ferrostep_stm32f4` only, whose registers no other code changes meanwhile.
+    /// It is used by an adapter of `ferrostep_stm32f4` only, whose registers no other code
+    /// changes meanwhile.
     pub(crate) const unsafe fn new() -> Self {
         Self(())
     }

@@ -1,8 +1,8 @@
 //! The full-speed USB controller (OTG_FS), on PA11 and PA12.
 //!
-//! Its driver is synopsys-usb-otg. It waits for flags without end and panics when its clock is too slow or when a bus
-//! reset ends with a speed that it does not know. So it starts only on a controller that has answered and has its 48 MHz,
-//! and [`UsbGuard`] checks the speed first.
+//! Its driver is synopsys-usb-otg. It waits for flags without end and panics when its clock is too
+//! slow or when a bus reset ends with a speed that it does not know. So it starts only on a
+//! controller that has answered and has its 48 MHz, and [`UsbGuard`] checks the speed first.
 
 use core::fmt;
 
@@ -15,7 +15,8 @@ use ferrostep_stm32f4_board::clock::comes_true;
 use ferrostep_stm32f4_board::pac::{GPIOA, OTG_FS_DEVICE, OTG_FS_GLOBAL, OTG_FS_PWRCLK, RCC};
 use ferrostep_stm32f4_board::usb_guard::UsbGuard;
 
-/// Words that the packets of OUT endpoints are copied to: 64 bytes each of the control and the bulk endpoint.
+/// Words that the packets of OUT endpoints are copied to: 64 bytes each of the control and
+/// the bulk endpoint.
 pub const PACKET_WORDS: usize = 32;
 
 /// The controller, as its driver's trait describes it.
@@ -23,8 +24,9 @@ pub struct Controller {
     core_hz: u32,
 }
 
-// SAFETY: the registers are those of OTG_FS, whose owner was given up in `start`. 320 words of FIFO and four
-// endpoints each way are the resources of the smallest of the chips (RM0090 34.4; an STM32F446 has six endpoints).
+// SAFETY: the registers are those of OTG_FS, whose owner was given up in `start`. 320 words of FIFO
+// and four endpoints each way are the resources of the smallest of the chips (RM0090 34.4; an
+// STM32F446 has six endpoints).
 unsafe impl UsbPeripheral for Controller {
     const REGISTERS: *const () = OTG_FS_GLOBAL::PTR.cast();
     const HIGH_SPEED: bool = false;
@@ -66,8 +68,8 @@ impl fmt::Display for NoUsb {
     }
 }
 
-/// Connects the pins and wakes the controller; its device side starts when a device is made on it. To be called in
-/// `init`.
+/// Connects the pins and wakes the controller; its device side starts when a device is made on it.
+/// To be called in `init`.
 ///
 /// # Errors
 /// The board has no plug, there is no clock for it, or it does not answer in bounded time.

@@ -1,7 +1,9 @@
-//! The USB port on the STM32F4's full-speed controller: the device of `ferrostep-usb`, with its rings.
+//! The USB port on the STM32F4's full-speed controller: the device of
+//! `ferrostep-usb`, with its rings.
 //!
-//! A separate crate because it is optimised for size, as the root's `Cargo.toml` says: generic code is compiled where
-//! its types are known, and that is here. A packet comes every 50 us at most, a step every 10 us.
+//! A separate crate because it is optimised for size, as the root's `Cargo.toml` says: generic code
+//! is compiled where its types are known, and that is here. A packet comes every 50 us at most, a
+//! step every 10 us.
 #![no_std]
 #![deny(clippy::undocumented_unsafe_blocks)]
 
@@ -22,9 +24,10 @@ use usb_device::bus::UsbBusAllocator;
 use controller::{Bus, PACKET_WORDS};
 pub use controller::{NoUsb, Registers};
 
-/// Memory of the port, and of the parts that it refers to. Made in place: on the way through `init` it would be
-/// copied several times, and all copies would be on the stack when the first tasks begin. Parts that are not made yet
-/// have no value at all: an `Option` would be a kilobyte of initial values in flash.
+/// Memory of the port, and of the parts that it refers to. Made in place: on the way through `init`
+/// it would be copied several times, and all copies would be on the stack when the first tasks
+/// begin. Parts that are not made yet have no value at all: an `Option` would be a kilobyte of
+/// initial values in flash.
 pub struct Memory {
     packets: [u32; PACKET_WORDS],
     bus: MaybeUninit<UsbBusAllocator<Bus>>,
@@ -98,7 +101,8 @@ pub struct Usb {
 pub struct Served {
     /// Received bytes that were dropped for want of room.
     pub dropped: u32,
-    /// The controller has reported a speed that it does not have, and the port has left the bus for good.
+    /// The controller has reported a speed that it does not have, and the port has left
+    /// the bus for good.
     pub has_failed: bool,
 }
 
@@ -106,7 +110,8 @@ impl Usb {
     /// The port, connected to the bus. To be called in `init`.
     ///
     /// # Errors
-    /// The board has no plug, there is no clock for the controller, or it does not answer in bounded time.
+    /// The board has no plug, there is no clock for the controller, or it does not answer
+    /// in bounded time.
     #[inline(never)]
     pub fn start(
         memory: &'static mut Memory,

@@ -1,5 +1,5 @@
-//! The backup SRAM: 4 KiB that no reset clears (RM0090 5.1.2, RM0390 5.1.2). Without supply it keeps its contents only where a battery
-//! is at VBAT.
+//! The backup SRAM: 4 KiB that no reset clears (RM0090 5.1.2, RM0390 5.1.2). Without supply it
+//! keeps its contents only where a battery is at VBAT.
 
 use crate::rcc::{POWER_CLOCK, RCC_AHB1ENR, RCC_APB1ENR};
 use crate::registers::Registers;
@@ -18,7 +18,8 @@ const UNLOCK: u32 = 1 << 8;
 /// BRE: the regulator by which a battery keeps the contents.
 const REGULATOR: u32 = 1 << 9;
 
-/// Switches it on, and lets it be written to; with a battery it keeps its contents from now on. After the clock tree has been set up, which stores a whole PWR_CR.
+/// Switches it on, and lets it be written to; with a battery it keeps its contents from now on.
+/// After the clock tree has been set up, which stores a whole PWR_CR.
 pub fn start(registers: &mut impl Registers) {
     registers.switch_clocks_on(RCC_APB1ENR, POWER_CLOCK);
     registers.modify(PWR_CR, 0, UNLOCK);

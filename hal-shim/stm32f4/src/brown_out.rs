@@ -1,4 +1,5 @@
-//! The supply voltage below which the chip resets itself: an option that is kept in flash, set once.
+//! The supply voltage below which the chip resets itself: an option that is kept in
+//! flash, set once.
 
 use core::fmt;
 
@@ -28,7 +29,8 @@ const PVDO: u32 = 1 << 2;
 /// Looks while the comparator wakes up.
 const COMPARATOR_LOOKS: u32 = 10_000;
 
-/// Looks at the flash's flag: some seconds. Erasing and writing the options takes up to 2 s (DS8626, flash memory).
+/// Looks at the flash's flag: some seconds. Erasing and writing the options takes up to 2 s
+/// (DS8626, flash memory).
 const MAX_LOOKS: u32 = 50_000_000;
 
 /// The state of the level.
@@ -55,9 +57,9 @@ impl fmt::Display for BrownOut {
     }
 }
 
-/// Sets level 3: below 2.7 V the chip is in reset and its pins float, before a misread flash could make the program
-/// heat. The other options, among them the one that locks the chip, are written as they are. To be called before any task
-/// runs: the core stalls while the flash is busy.
+/// Sets level 3: below 2.7 V the chip is in reset and its pins float, before a misread flash could
+/// make the program heat. The other options, among them the one that locks the chip, are written as
+/// they are. To be called before any task runs: the core stalls while the flash is busy.
 pub fn set_brown_out_level(registers: &mut impl Registers) -> BrownOut {
     set_within(MAX_LOOKS, registers)
 }
@@ -105,7 +107,8 @@ mod tests {
     use super::*;
     use crate::registers::recorder::Recorder;
 
-    /// Options after reset: all sectors writable, no protection, watchdog by software, brown-out reset off; locked.
+    /// Options after reset: all sectors writable, no protection, watchdog by software, brown-out
+    /// reset off; locked.
     const FACTORY: u32 = 0x0fff_aaed;
 
     /// A flash whose lock is a lock.

@@ -2,8 +2,9 @@
 //!
 //! Addresses and bits: RM0090 3.9 (FLASH_ACR), 5.4 (PWR), 7.3 (RCC); RM0390 3.8, 5.4, 6.3.
 //!
-//! Left alone are the backup domain (RCC_BDCR: the real-time clock, which the firmware does not use), RCC_CSR, whose flags
-//! say why the chip was reset, and the numbers of the PLLs for I2S and SAI, which are switched off.
+//! Left alone are the backup domain (RCC_BDCR: the real-time clock, which the firmware does not
+//! use), RCC_CSR, whose flags say why the chip was reset, and the numbers of the PLLs for I2S and
+//! SAI, which are switched off.
 
 use super::ChipFamily;
 use crate::clock_tree::{ClockTree, PllSource};
@@ -14,7 +15,8 @@ const CR: u32 = RCC;
 const PLLCFGR: u32 = RCC + 0x04;
 const CIR: u32 = RCC + 0x0c;
 const SSCGR: u32 = RCC + 0x80;
-/// Prescaler of all timers (TIMPRE), clock gating, and what USB's 48 MHz come from (CK48MSEL): an STM32F446 only.
+/// Prescaler of all timers (TIMPRE), clock gating, and what USB's 48 MHz come from (CK48MSEL):
+/// an STM32F446 only.
 const DCKCFGR: u32 = RCC + 0x8c;
 const CKGATENR: u32 = RCC + 0x90;
 const DCKCFGR2: u32 = RCC + 0x94;
@@ -52,8 +54,8 @@ const PRFTEN: u32 = 1 << 8;
 const CACHES_ON: u32 = 1 << 9 | 1 << 10;
 const CACHES_EMPTY: u32 = 1 << 11 | 1 << 12;
 
-/// Most looks at a ready flag. A crystal takes 2 ms, a PLL 0.2 ms; a look takes at least four cycles of 16 MHz, so this
-/// waits for 12 ms or longer.
+/// Most looks at a ready flag. A crystal takes 2 ms, a PLL 0.2 ms; a look takes at least four
+/// cycles of 16 MHz, so this waits for 12 ms or longer.
 const MAX_LOOKS: u32 = 50_000;
 
 /// A divider takes effect within 16 cycles of the AHB (RM0090 7.3.3); a look takes one at least.
@@ -75,7 +77,8 @@ pub struct ClockSettings {
 }
 
 impl ClockSettings {
-    /// PWR_CR: voltage scale 1 alone (over-drive is off). It is one bit of an STM32F405, two of an STM32F446.
+    /// PWR_CR: voltage scale 1 alone (over-drive is off). It is one bit of an STM32F405, two
+    /// of an STM32F446.
     const fn scale_1(&self) -> u32 {
         match self.family {
             ChipFamily::F405 => 1 << 14,
@@ -97,10 +100,12 @@ pub struct ClockRegisters<R> {
 }
 
 impl<R: Registers> ClockRegisters<R> {
-    /// The chip on its internal oscillator with everything as reset leaves it, and voltage scale 1 chosen, which the PLL
-    /// needs at 168 MHz (RM0090 5.1.3, RM0390 5.1.3: it can be chosen while the PLL is off).
+    /// The chip on its internal oscillator with everything as reset leaves it, and voltage scale 1
+    /// chosen, which the PLL needs at 168 MHz (RM0090 5.1.3, RM0390 5.1.3: it can be chosen while
+    /// the PLL is off).
     ///
-    /// The order matters: first away from the PLL, which cannot be changed while it is used, then the dividers.
+    /// The order matters: first away from the PLL, which cannot be changed while it is used,
+    /// then the dividers.
     pub fn start_internal(registers: R, settings: ClockSettings) -> Self {
         let mut clock = Self { registers, settings };
         clock.use_internal();
@@ -116,8 +121,8 @@ impl<R: Registers> ClockRegisters<R> {
                 registers.write(register, 0);
             }
         }
-        // At 16 MHz flash needs no wait states. A boot loader has written to it: the caches may hold earlier
-        // contents.
+        // At 16 MHz flash needs no wait states. A boot loader has written to it: the caches may
+        // hold earlier contents.
         for word in [0, CACHES_EMPTY, 0] {
             registers.write(FLASH_ACR, word);
         }
@@ -126,8 +131,8 @@ impl<R: Registers> ClockRegisters<R> {
         clock
     }
 
-    /// The internal oscillator, its own frequency on all buses. The dividers follow the switch: undivided, a fast clock would
-    /// be too fast for the buses.
+    /// The internal oscillator, its own frequency on all buses. The dividers follow the switch:
+    /// undivided, a fast clock would be too fast for the buses.
     fn use_internal(&mut self) {
         let registers = &mut self.registers;
         registers.modify(CR, 0, HSION);
@@ -147,16 +152,17 @@ impl<R: Registers> ClockRegisters<R> {
         registers.comes_to(CR, PLLRDY, true, MAX_LOOKS) && registers.comes_to(PWR_CSR, VOSRDY, true, MAX_LOOKS)
     }
 
-    /// Sets the flash's wait states before the core speeds up, and returns true if they read back (RM0090 3.5.1,
-    /// RM0390 3.4.1); caches hide most of them.
+    /// Sets the flash's wait states before the core speeds up, and returns true if they read back
+    /// (RM0090 3.5.1, RM0390 3.4.1); caches hide most of them.
     fn slow_flash_down(&mut self) -> bool {
         let wait_states = u32::from(self.settings.flash_wait_states);
         self.registers.write(FLASH_ACR, wait_states | PRFTEN | CACHES_ON);
         (0..MAX_LOOKS).any(|_| self.registers.read(FLASH_ACR) & LATENCY == wait_states)
     }
 
-    /// Makes the PLL the core's clock and returns true if it has become that. A separate store sets the dividers
-    /// first: they take effect up to 16 cycles late, and until then the buses would run at the core's frequency.
+    /// Makes the PLL the core's clock and returns true if it has become that. A separate store sets
+    /// the dividers first: they take effect up to 16 cycles late, and until then the buses would
+    /// run at the core's frequency.
     fn use_pll(&mut self) -> bool {
         let dividers = self.settings.dividers();
         let registers = &mut self.registers;
@@ -201,15 +207,16 @@ impl<R: Registers> ClockTree for ClockRegisters<R> {
     }
 }
 
-/// Returns true if the crystal has stopped while it was watched ([`ClockTree::watch_crystal`]): the cause of the
-/// non-maskable interrupt. The chip runs on its internal oscillator by then, and PLL and crystal are off.
+/// Returns true if the crystal has stopped while it was watched ([`ClockTree::watch_crystal`]): the
+/// cause of the non-maskable interrupt. The chip runs on its internal oscillator by then, and PLL
+/// and crystal are off.
 pub fn crystal_has_stopped(registers: &mut impl Registers) -> bool {
     const CSSF: u32 = 1 << 7;
     registers.read(CIR) & CSSF != 0
 }
 
-/// A serial port's divider for the same speed after that: the buses stay divided as they were, and the core has gone from
-/// `core_hz` to `internal_hz`. At least 1, and no more than before.
+/// A serial port's divider for the same speed after that: the buses stay divided as they were, and
+/// the core has gone from `core_hz` to `internal_hz`. At least 1, and no more than before.
 pub const fn divider_without_crystal(divider: u16, core_hz: u32, internal_hz: u32) -> u16 {
     let core_hz = if core_hz == 0 { 1 } else { core_hz } as u64;
     // Rounded; 16 bits times 32 fit.

@@ -22,11 +22,11 @@ pub trait ClockTree {
     fn start_crystal(&mut self) -> bool;
     /// Stops the crystal.
     fn stop_crystal(&mut self);
-    /// Runs the chip from the PLL, fed by the crystal or the internal oscillator; if that fails (`false`) the chip runs
-    /// from the internal oscillator.
+    /// Runs the chip from the PLL, fed by the crystal or the internal oscillator; if that fails
+    /// (`false`) the chip runs from the internal oscillator.
     fn start_pll(&mut self, source: PllSource) -> bool;
-    /// Makes the chip watch the crystal from now on, with a non-maskable interrupt when it stops: otherwise the PLL
-    /// would drift, and heaters, steps and time would continue at a wrong pace.
+    /// Makes the chip watch the crystal from now on, with a non-maskable interrupt when it stops:
+    /// otherwise the PLL would drift, and heaters, steps and time would continue at a wrong pace.
     fn watch_crystal(&mut self);
 }
 
@@ -39,7 +39,8 @@ pub enum PllSource {
     Internal,
 }
 
-/// Starts the best clock there is: crystal with PLL, else internal oscillator with PLL, else that alone.
+/// Starts the best clock there is: crystal with PLL, else internal oscillator with PLL,
+/// else that alone.
 pub fn start_best(tree: &mut impl ClockTree) -> ClockSource {
     if tree.start_crystal() && tree.start_pll(PllSource::Crystal) {
         tree.watch_crystal();

@@ -13,12 +13,14 @@ pub const CONVERSIONS: usize = CONVERSIONS_A_READING as usize;
 /// Marks a conversion that has been taken: the converter has 12 bits.
 const TAKEN: u16 = u16::MAX;
 
-/// Number of readings in a row with old conversions after which the converter counts as stopped: 80 ms at the control's pace.
-/// A working one makes a reading in 4 ms ([`Converter`]); the start may take several readings at once.
+/// Number of readings in a row with old conversions after which the converter counts as stopped: 80
+/// ms at the control's pace. A working one makes a reading in 4 ms ([`Converter`]); the start may
+/// take several readings at once.
 const MAX_OLD: u8 = 8;
 
-/// Number of looks at a register while the converter wakes up (DS8626, ADC characteristics, tSTAB): a pair of looks
-/// takes two cycles of the fast bus or more, so these take 3 us or longer up to 84 MHz.
+/// Number of looks at a register while the converter wakes up (DS8626, ADC characteristics,
+/// tSTAB): a pair of looks takes two cycles of the fast bus or more, so these take 3 us or
+/// longer up to 84 MHz.
 const WAKE_UP_LOOKS: u32 = 256;
 
 /// Looks at the memory for the first reading: 20 ms or longer.
@@ -50,13 +52,14 @@ const CONT: u32 = 1 << 1;
 const DMA: u32 = 1 << 8;
 const DDS: u32 = 1 << 9;
 const SWSTART: u32 = 1 << 30;
-/// CCR: the converter's clock as a part of the bus's frequency, at most 36 MHz and below 2.4 V 18 MHz (DS8626, fADC). An
-/// eighth is the least, 10.5 MHz of 84; a quarter of the bare internal oscillator's 16 MHz gives each sample its reading.
+/// CCR: the converter's clock as a part of the bus's frequency, at most 36 MHz and below 2.4 V 18
+/// MHz (DS8626, fADC). An eighth is the least, 10.5 MHz of 84; a quarter of the bare internal
+/// oscillator's 16 MHz gives each sample its reading.
 const ADCPRE: u32 = 0b11 << 16;
 const EIGHTH: u32 = 0b11 << 16;
 const QUARTER: u32 = 0b01 << 16;
-/// 480 cycles of sampling for every channel, 46 us: a thermistor is a source of up to 4.7 kilohms. The conversion takes
-/// 12 more.
+/// 480 cycles of sampling for every channel, 46 us: a thermistor is a source of up to 4.7 kilohms.
+/// The conversion takes 12 more.
 const MAX_SAMPLING: u32 = 0x3fff_ffff;
 /// Sampling times of channels 10 to 18.
 const MAX_SAMPLING_HIGH: u32 = 0x07ff_ffff;
@@ -70,7 +73,8 @@ const S0PAR: u32 = 0x4002_6418;
 const S0M0AR: u32 = 0x4002_641c;
 const S0FCR: u32 = 0x4002_6424;
 const STREAM_ENABLE: u32 = 1 << 0;
-/// Circular, memory increments, halves of a word on both sides, medium priority, from the peripheral.
+/// Circular, memory increments, halves of a word on both sides, medium priority,
+/// from the peripheral.
 const STREAM_SETTINGS: u32 = 1 << 8 | 1 << 10 | 0b01 << 11 | 0b01 << 13 | 0b01 << 16;
 /// All flags of stream 0, and those of them that say an error: transfer, direct mode.
 const STREAM_FLAGS: u32 = 0x3d;
@@ -112,13 +116,13 @@ impl ConverterNumber {
 
 /// A converter that goes round its channels without end.
 ///
-/// A conversion is 492 cycles of 10.5 MHz, 46.9 us: with five sensors a reading of each is new every 3.7 ms. On the bare
-/// internal oscillator, 16 MHz, it is every 9.8 ms.
+/// A conversion is 492 cycles of 10.5 MHz, 46.9 us: with five sensors a reading of each is new
+/// every 3.7 ms. On the bare internal oscillator, 16 MHz, it is every 9.8 ms.
 ///
-/// **A reading that no longer changes is noticed.** A conversion that has been taken is marked in memory, so that the
-/// next reading knows which are new. When they are not for 80 ms, or the chip says that a transfer failed, the
-/// reading becomes that of an open circuit, which is a fault of the heater, and the converter is started again, in
-/// case that helps.
+/// **A reading that no longer changes is noticed.** A conversion that has been taken is marked in
+/// memory, so that the next reading knows which are new. When they are not for 80 ms, or the chip
+/// says that a transfer failed, the reading becomes that of an open circuit, which is a fault of
+/// the heater, and the converter is started again, in case that helps.
 #[derive(Debug)]
 pub struct Converter {
     number: ConverterNumber,
@@ -135,8 +139,9 @@ pub struct Converter {
 }
 
 impl Converter {
-    /// Starts the converter, and waits for the first readings; if they do not come, they will be those of open
-    /// circuits. Its pins are analogue already. `memory` has [`CONVERSIONS`] places for each channel.
+    /// Starts the converter, and waits for the first readings; if they do not come, they will be
+    /// those of open circuits. Its pins are analogue already. `memory` has [`CONVERSIONS`] places
+    /// for each channel.
     pub fn start(
         number: ConverterNumber,
         channels: &'static [u8],
@@ -187,7 +192,8 @@ impl Converter {
         registers.write(base + CR1, SCAN);
         registers.write(base + SMPR1, MAX_SAMPLING_HIGH);
         registers.write(base + SMPR2, MAX_SAMPLING);
-        // Six channels of five bits a register, the first lowest; their number less one above the last.
+        // Six channels of five bits a register, the first lowest; their number less
+        // one above the last.
         let number = (self.channels.len() as u32).saturating_sub(1) << 20;
         for (turn, register) in [SQR3, SQR2, SQR1].into_iter().enumerate() {
             let channels = self.channels.iter().skip(6 * turn).take(6);
@@ -201,8 +207,9 @@ impl Converter {
         registers.write(base + CR2, on | SWSTART);
     }
 
-    /// The sum of a sensor's newest conversions; `place` is 0 or 1 (whose it is), `turn` its place among the channels.
-    /// While not all of them are new, it is the reading before, and after 80 ms that of an open circuit.
+    /// The sum of a sensor's newest conversions; `place` is 0 or 1 (whose it is), `turn` its place
+    /// among the channels. While not all of them are new, it is the reading before, and after 80 ms
+    /// that of an open circuit.
     ///
     /// Not inlined: in an emulator without such a converter a test replaces this function.
     #[inline(never)]
@@ -307,8 +314,8 @@ mod tests {
         assert_eq!(registers.stores.last(), Some(&(0x4001_2208, 0x4000_0303)));
     }
 
-    /// The stores keep the converter's clock within its limit, and give a reading of each sensor in every sample of
-    /// 10 ms, on the bare internal oscillator as well.
+    /// The stores keep the converter's clock within its limit, and give a reading of each sensor in
+    /// every sample of 10 ms, on the bare internal oscillator as well.
     #[test]
     fn every_sensor_is_read_a_hundred_times_a_second() {
         for (clock_source, bus_hz, readings) in [(0b10, 84_000_000, 266), (0b00, 16_000_000, 101)] {
@@ -349,7 +356,8 @@ mod tests {
             (1, 0, 1),
             "circular, inwards, no interrupts"
         );
-        // Switched off before it is changed, its flags cleared before it is switched on, and that before the converter.
+        // Switched off before it is changed, its flags cleared before it is switched on, and that
+        // before the converter.
         let stores = &registers.stores;
         let off = stores.iter().position(|(to, value)| *to == S0CR && value & 1 == 0).unwrap();
         let on = registers.position(S0CR, 1).unwrap();

@@ -1,4 +1,5 @@
-//! A text that outlives a reset: the last words of a panic or a fault, in RAM that the start leaves alone.
+//! A text that outlives a reset: the last words of a panic or a fault, in RAM that the
+//! start leaves alone.
 
 use core::fmt;
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
@@ -10,7 +11,8 @@ pub const MAX_BYTES: usize = 160;
 const BASIS: u32 = 0x811c_9dc5;
 const FACTOR: u32 = 0x0100_0193;
 
-/// The text and its check word. At power-on the memory is random, and the check word does not match.
+/// The text and its check word. At power-on the memory is random, and the check
+/// word does not match.
 #[derive(Debug)]
 pub struct CrashMessage {
     check: AtomicU32,
@@ -24,7 +26,8 @@ impl CrashMessage {
         Self { check: AtomicU32::new(0), length: AtomicU32::new(0), bytes: [const { AtomicU8::new(0) }; MAX_BYTES] }
     }
 
-    /// Keeps a text; it replaces the one before. Line ends and other characters than ASCII become spaces.
+    /// Keeps a text; it replaces the one before. Line ends and other characters than
+    /// ASCII become spaces.
     pub fn keep(&self, text: fmt::Arguments<'_>) {
         self.length.store(0, Ordering::Relaxed);
         // Cut where it is too long.

@@ -1,4 +1,5 @@
-//! Addresses of the ports' registers (RM0090 2.3 and 8.4, RM0390 2.2 and 7.4; alike on all chips of the family).
+//! Addresses of the ports' registers (RM0090 2.3 and 8.4, RM0390 2.2 and 7.4; alike on all
+//! chips of the family).
 
 /// Port A's first register.
 pub const GPIO: u32 = 0x4002_0000;

@@ -1,7 +1,8 @@
 //! USART2 on one wire: the line to drivers that share it, as on the Prusa MINI's board (PD5).
 //!
-//! In half-duplex the receiver is at the transmitter's pin (RM0090, section 30.3.10), so that sent bytes come back.
-//! Addresses and bits: RM0090 2.3 (memory map), 7.3.13 (RCC_APB1ENR), 8.4 (GPIO), 30.6 (USART); RM0390 is the same.
+//! In half-duplex the receiver is at the transmitter's pin (RM0090, section 30.3.10), so that sent
+//! bytes come back. Addresses and bits: RM0090 2.3 (memory map), 7.3.13 (RCC_APB1ENR), 8.4 (GPIO),
+//! 30.6 (USART); RM0390 is the same.
 
 use crate::gpio::{self, AFRL, ALTERNATE, MODER, OTYPER, PULL_UP, PUPDR};
 use crate::rcc::{RCC_AHB1ENR, RCC_APB1ENR};
@@ -19,7 +20,8 @@ const OVERRUN: u32 = 1 << 3;
 const RECEIVED: u32 = 1 << 5;
 const SENT: u32 = 1 << 6;
 const TAKES_ONE: u32 = 1 << 7;
-/// CR1: enable, transmitter, receiver, interrupt at a received byte; and the one at an empty transmitter.
+/// CR1: enable, transmitter, receiver, interrupt at a received byte; and the one at an
+/// empty transmitter.
 const ENABLED: u32 = 1 << 13 | 1 << 3 | 1 << 2 | 1 << 5;
 const ASKS_FOR_MORE: u32 = 1 << 7;
 /// CR3: half-duplex.
@@ -35,13 +37,15 @@ pub struct HalfDuplexLine<R> {
 }
 
 impl<R: Registers> HalfDuplexLine<R> {
-    /// Starts the port at a pin (port, 0 for A, and number) that carries USART2's transmitter: open drain with a pull-up, 8
-    /// bits, no parity, 1 stop bit; the receive interrupt is on. `bus_hz` is the clock of APB1.
+    /// Starts the port at a pin (port, 0 for A, and number) that carries USART2's transmitter: open
+    /// drain with a pull-up, 8 bits, no parity, 1 stop bit; the receive interrupt is on. `bus_hz`
+    /// is the clock of APB1.
     pub fn start(mut registers: R, pin: (u8, u8), bus_hz: u32, baud: u32) -> Self {
         let (port, number) = (gpio::port(pin.0), u32::from(pin.1 & 15));
         registers.switch_clocks_on(RCC_AHB1ENR, 1 << pin.0);
         registers.switch_clocks_on(RCC_APB1ENR, USART2_CLOCK);
-        // Sixteenths of the divider, rounded, are what BRR holds; 42 MHz / 9600 baud fit its 16 bits.
+        // Sixteenths of the divider, rounded, are what BRR holds; 42 MHz / 9600 baud
+        // fit its 16 bits.
         let divider = (bus_hz + baud / 2) / baud.max(1);
         registers.write(USART2_BRR, divider.min(0xffff));
         registers.write(USART2_CR3, HALF_DUPLEX);
@@ -55,8 +59,8 @@ impl<R: Registers> HalfDuplexLine<R> {
         Self { registers, bytes: LineBytes::new() }
     }
 
-    /// A byte has come, or the transmitter takes one. Must come before the next but one byte: 174 us at 115,200 baud. One
-    /// that is lost, or damaged, shows in the datagram's checksum.
+    /// A byte has come, or the transmitter takes one. Must come before the next but one byte: 174
+    /// us at 115,200 baud. One that is lost, or damaged, shows in the datagram's checksum.
     pub fn interrupt(&mut self) {
         let status = self.registers.read(USART2_SR);
         // Reading status and data clears the overrun, which would otherwise interrupt endlessly.

@@ -16,7 +16,8 @@ pub struct ThermalPins {
     pub converter: ConverterNumber,
     /// Its channels in their turn.
     pub channels: &'static [u8],
-    /// Place of each heater's sensor among the channels; `None` for a heater that the machine does not have.
+    /// Place of each heater's sensor among the channels; `None` for a heater that the
+    /// machine does not have.
     pub sensors: [Option<u8>; Heater::COUNT],
     /// The heaters' outputs; a chamber may have a thermometer and no heater.
     pub heaters: [Option<OutputPin>; Heater::COUNT],
@@ -63,8 +64,8 @@ pub struct BoardHeaters<R> {
 }
 
 impl<R: Registers> BoardHeaters<R> {
-    /// All off. The pins are low outputs and analogue inputs already; `memory`, at `memory_address`, is as
-    /// [`Converter::start`] wants it.
+    /// All off. The pins are low outputs and analogue inputs already; `memory`, at
+    /// `memory_address`, is as [`Converter::start`] wants it.
     pub fn start(
         pins: &ThermalPins,
         memory: &'static [AtomicU16],

@@ -1,15 +1,16 @@
 //! Times counted into buckets while a machine runs, for a few instructions each.
 //!
-//! One side adds, at a priority above the one that reads; so no value is lost, although the additions are not
-//! atomic. Percentiles are read off the buckets: at most half as much again as the truth,
-//! never less.
+//! One side adds, at a priority above the one that reads; so no value is lost, although the
+//! additions are not atomic. Percentiles are read off the buckets: at most half as much again as
+//! the truth, never less.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
 /// Two buckets to each power of two that 32 bits hold.
 const BUCKETS: usize = 64;
 
-/// A histogram of times in any unit, with half-octave buckets: 0 to 1, 2, 3, 4 to 5, 6 to 7, 8 to 11, 12 to 15 and so on.
+/// A histogram of times in any unit, with half-octave buckets: 0 to 1, 2, 3, 4 to 5, 6 to 7, 8 to
+/// 11, 12 to 15 and so on.
 #[derive(Debug)]
 pub struct Histogram {
     /// Number of values that fell into each; they stay at their greatest count instead of wrapping.

@@ -41,8 +41,8 @@ fn no_adapter_loses_what_it_stores() {
     assert_eq!(lost_by(|registers| crate::servo_line::start(registers, 84_000_000)), 0, "TIM6");
 }
 
-/// PWR_CR holds the voltage's scale as well: an STM32F407 that reads it as 0 and stores it again runs at 168 MHz with a
-/// voltage that is enough for 144 MHz.
+/// PWR_CR holds the voltage's scale as well: an STM32F407 that reads it as 0 and stores it again
+/// runs at 168 MHz with a voltage that is enough for 144 MHz.
 #[test]
 fn the_brown_out_level_leaves_the_voltage_as_it_is() {
     const PWR_CR: u32 = 0x4000_7000;

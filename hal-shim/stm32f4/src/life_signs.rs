@@ -4,7 +4,8 @@ use core::sync::atomic::{AtomicU8, Ordering};
 
 /// A task that must show life to the heaters' control, which feeds the watchdog.
 ///
-/// Tasks above the lowest of them, and interrupts, need not: where one of them never ends, the lowest never runs.
+/// Tasks above the lowest of them, and interrupts, need not: where one of them never ends, the
+/// lowest never runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Task {
     /// The planner, which keeps the step queue full.
@@ -23,9 +24,9 @@ impl Task {
 
     /// Maximum time without a sign of life, ms.
     ///
-    /// The planner runs every 2 ms for some ms at a time. The lowest task, every 100 ms, waits for a command at
-    /// work (arithmetic of a line, or a long reply that waits for a slow host, 0.2 s), and for the planner while
-    /// that is fully busy.
+    /// The planner runs every 2 ms for some ms at a time. The lowest task, every 100 ms, waits for
+    /// a command at work (arithmetic of a line, or a long reply that waits for a slow host, 0.2 s),
+    /// and for the planner while that is fully busy.
     pub const fn patience_ms(self) -> u32 {
         match self {
             Self::Planner => 1_000,
@@ -57,8 +58,8 @@ pub struct Vigil {
 }
 
 impl Vigil {
-    /// Counts `passed_ms` more, and returns true if no task has been silent for too long. A task that shows life
-    /// again counts as alive again.
+    /// Counts `passed_ms` more, and returns true if no task has been silent for too long. A task
+    /// that shows life again counts as alive again.
     pub fn all_alive(&mut self, signs: &LifeSigns, passed_ms: u32) -> bool {
         let seen = signs.0.swap(0, Ordering::Relaxed);
         for (silent_ms, task) in self.silent_ms.iter_mut().zip(Task::ALL) {
@@ -89,8 +90,8 @@ mod tests {
     }
 
     proptest! {
-        /// The vigil returns true, in any order of events, exactly when each task was last seen no longer ago than
-        /// its patience.
+        /// The vigil returns true, in any order of events, exactly when each task was last seen no
+        /// longer ago than its patience.
         #[test]
         fn the_vigil_counts_right(rounds in prop::collection::vec((0_u8..4, 1_u32..2_000), 0..60)) {
             let (signs, mut vigil) = (LifeSigns::new(), Vigil::default());

@@ -1,6 +1,8 @@
-//! A pin for each driver's line, and TIM7 that calls [`SoftwareSerial`] four times a bit while something is on it.
+//! A pin for each driver's line, and TIM7 that calls [`SoftwareSerial`] four times a bit while
+//! something is on it.
 //!
-//! Addresses and bits: RM0090 2.3 (memory map), 7.3.13 (RCC_APB1ENR), 8.4 (GPIO), 20.4 (TIM6 and TIM7); RM0390 is the same.
+//! Addresses and bits: RM0090 2.3 (memory map), 7.3.13 (RCC_APB1ENR), 8.4 (GPIO), 20.4 (TIM6 and
+//! TIM7); RM0390 is the same.
 
 use crate::gpio::{self, BSRR, IDR, MODER, PULL_UP, PUPDR};
 use crate::rcc::{RCC_AHB1ENR, RCC_APB1ENR};

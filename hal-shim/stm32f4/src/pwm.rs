@@ -5,11 +5,12 @@ use crate::gpio::{AFRL, ALTERNATE, BSRR, MODER, port};
 use crate::rcc::{RCC_APB1ENR, RCC_APB2ENR};
 use crate::registers::Registers;
 
-/// Frequency of heaters, Hz: slow enough for a bed's solid-state relay, which switches at the mains' zero crossings,
-/// and ten periods in the time in which the fastest nozzle gains a degree.
+/// Frequency of heaters, Hz: slow enough for a bed's solid-state relay, which switches at the
+/// mains' zero crossings, and ten periods in the time in which the fastest nozzle gains a degree.
 pub const HEATER_HZ: u32 = 10;
 
-/// Frequency of fans on a timer, Hz: two-wire fans run smoothly, and their transistors, made for slow switching, stay cool.
+/// Frequency of fans on a timer, Hz: two-wire fans run smoothly, and their transistors, made for
+/// slow switching, stay cool.
 pub const FAN_HZ: u32 = 100;
 
 /// Steps of a timer's duty. The clock divided by this and by a frequency above must fit in 16 bits.
@@ -47,8 +48,9 @@ pub struct TimerChannel {
     pub has_main_switch: bool,
 }
 
-/// Timers that have outputs: name, address, alternate function, clock bit, bus. RM0090, 2.3 (memory map), 7.3.13 and
-/// 7.3.14 (clocks); DS8626, table 9 (alternate functions). TIM2, TIM5 and TIM9 are left out: they make the steps.
+/// Timers that have outputs: name, address, alternate function, clock bit, bus. RM0090, 2.3 (memory
+/// map), 7.3.13 and 7.3.14 (clocks); DS8626, table 9 (alternate functions). TIM2, TIM5 and TIM9 are
+/// left out: they make the steps.
 const TIMERS: [(&str, u32, u8, u8, bool); 9] = [
     ("TIM1", 0x4001_0000, 1, 0, true),
     ("TIM3", 0x4000_0400, 2, 1, false),
@@ -122,8 +124,9 @@ pub struct PwmOutput {
 }
 
 impl PwmOutput {
-    /// Power 0. The pin is low and an output already, and stays low: it becomes the timer's when the timer drives it
-    /// low. `frequency_hz` is that of a timer; all channels of one timer have the same.
+    /// Power 0. The pin is low and an output already, and stays low: it becomes the timer's
+    /// when the timer drives it low. `frequency_hz` is that of a timer; all channels of one
+    /// timer have the same.
     pub fn start(pin: OutputPin, frequency_hz: u32, clocks: PwmClocks, registers: &mut impl Registers) -> Self {
         if let Some(channel) = pin.channel {
             start_channel(channel, frequency_hz, clocks, registers);
@@ -224,7 +227,8 @@ mod tests {
         }
         bed.set(7.0, &mut registers);
         assert_eq!(of(&registers)[1], (10.0, 1.0));
-        // PWM mode 1 without preload on channels 3 and 4, both switched on, none the other way round.
+        // PWM mode 1 without preload on channels 3 and 4, both switched on, none the
+        // other way round.
         assert_eq!(registers.value(0x4000_041c), 0x6060);
         assert_eq!(registers.value(0x4000_0420), 0x1100);
         assert_eq!(registers.value(0x4000_040c), 0, "no interrupts");
@@ -248,8 +252,8 @@ mod tests {
         }
     }
 
-    /// The pin is low from the first store to the last of each set-up: the timer's compare value is 0 before its
-    /// output is switched on, and the pin is the timer's after all of that.
+    /// The pin is low from the first store to the last of each set-up: the timer's compare value is
+    /// 0 before its output is switched on, and the pin is the timer's after all of that.
     #[test]
     fn nothing_is_high_while_a_timer_is_set_up() {
         for (name, _, _, _, _) in TIMERS {

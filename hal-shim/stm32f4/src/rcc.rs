@@ -1,4 +1,5 @@
-//! The registers of the clocks, and of those of the chip's parts (RM0090 7.3, RM0390 6.3; alike on all chips of the family).
+//! The registers of the clocks, and of those of the chip's parts (RM0090 7.3, RM0390 6.3; alike on
+//! all chips of the family).
 
 use crate::registers::Registers;
 

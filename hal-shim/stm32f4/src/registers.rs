@@ -1,4 +1,5 @@
-//! A trait for a chip's registers, so that tests can record and read the stores of a peripheral's set-up.
+//! A trait for a chip's registers, so that tests can record and read the stores of a
+//! peripheral's set-up.
 
 /// A chip's registers of 32 bits, by address.
 pub trait Registers {
@@ -14,9 +15,10 @@ pub trait Registers {
         self.write(address, old & !clear | set);
     }
 
-    /// Switches clocks on in a register of the RCC and reads it back: the part may lose stores in the first
-    /// cycles after this one (erratum "delay after an RCC peripheral clock enabling": ES0182 for the STM32F405 and F407,
-    /// ES0298 for the STM32F446), and the load takes longer than that.
+    /// Switches clocks on in a register of the RCC and reads it back: the part may lose stores
+    /// in the first cycles after this one (erratum "delay after an RCC peripheral clock
+    /// enabling": ES0182 for the STM32F405 and F407, ES0298 for the STM32F446), and the load
+    /// takes longer than that.
     fn switch_clocks_on(&mut self, address: u32, clocks: u32) {
         self.modify(address, 0, clocks);
         let _switched_on = self.read(address);

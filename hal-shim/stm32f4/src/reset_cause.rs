@@ -40,8 +40,8 @@ pub enum ResetCause {
 impl ResetCause {
     /// Reads the flags and clears them for the next time.
     ///
-    /// Several may be set. Every reset sets that of the pin, since it pulls the pin low; power-on also sets that of
-    /// a low supply.
+    /// Several may be set. Every reset sets that of the pin, since it pulls the pin low; power-on
+    /// also sets that of a low supply.
     pub fn take(registers: &mut impl Registers) -> Self {
         let flags = registers.read(RCC_CSR);
         registers.write(RCC_CSR, flags | REMOVE);

@@ -1,9 +1,11 @@
 //! A memory card at the SDIO: commands, and blocks by DMA.
 //!
-//! stm32f4xx-hal's driver moves blocks by the processor and waits without bounds: step interrupts would make it lose
-//! bytes, and a card that stays busy would block it endlessly. Here DMA2's stream 3 moves them, and every wait ends.
+//! stm32f4xx-hal's driver moves blocks by the processor and waits without bounds: step interrupts
+//! would make it lose bytes, and a card that stays busy would block it endlessly. Here DMA2's
+//! stream 3 moves them, and every wait ends.
 //!
-//! Registers: RM0090 31.9 and RM0390 29.8. Commands and answers: SD Physical Layer Simplified Specification 4.7 and 4.9.
+//! Registers: RM0090 31.9 and RM0390 29.8. Commands and answers: SD Physical Layer Simplified
+//! Specification 4.7 and 4.9.
 
 mod answers;
 #[cfg(test)]
@@ -39,8 +41,8 @@ const FIFO: u32 = SDIO + 0x80;
 
 /// POWER: on.
 const POWER_ON: u32 = 0b11;
-/// CLKCR: the clock runs; four lines; dividers of 48 MHz for 400 kHz at the start and 12 MHz then. 25 MHz are allowed; at half of
-/// that a block of 43 us takes 86, without work for the processor.
+/// CLKCR: the clock runs; four lines; dividers of 48 MHz for 400 kHz at the start and 12 MHz then.
+/// 25 MHz are allowed; at half of that a block of 43 us takes 86, without work for the processor.
 const CLOCK_ON: u32 = 1 << 8;
 const FOUR_LINES: u32 = 0b01 << 11;
 const SLOW: u32 = 118;
@@ -80,8 +82,8 @@ const S3PAR: u32 = 0x4002_6460;
 const S3M0AR: u32 = 0x4002_6464;
 const S3FCR: u32 = 0x4002_646c;
 const STREAM_ENABLE: u32 = 1 << 0;
-/// Channel 4, bursts of four words on both sides, low priority (the thermistors' stream has the medium one), words, memory
-/// increments, and the SDIO says when it ends.
+/// Channel 4, bursts of four words on both sides, low priority (the thermistors' stream has the
+/// medium one), words, memory increments, and the SDIO says when it ends.
 const STREAM_SETTINGS: u32 = 4 << 25 | 0b01 << 23 | 0b01 << 21 | 0b10 << 13 | 0b10 << 11 | 1 << 10 | 1 << 5;
 const TO_PERIPHERAL: u32 = 0b01 << 6;
 /// The stream's own buffer, filled before each burst.
@@ -99,8 +101,8 @@ const MS: u32 = TICKS_PER_SECOND / 1000;
 const COMMAND_MS: u32 = 5;
 /// A card may take 100 ms for a block's first bit.
 const READ_MS: u32 = 250;
-/// Longest write, ms: a card writes for up to 250; the specification's own advice is 500. The SDIO's timer also
-/// counts while the card is busy (RM0090 31.3.1).
+/// Longest write, ms: a card writes for up to 250; the specification's own advice is 500. The
+/// SDIO's timer also counts while the card is busy (RM0090 31.3.1).
 const WRITE_MS: u32 = 500;
 /// The block itself, with all interruptions.
 const BLOCK_MS: u32 = 50;
@@ -156,8 +158,9 @@ struct Inner<R, T> {
 pub struct SdioSlot<R, T>(RefCell<Inner<R, T>>);
 
 impl<R: Registers, T: Fn() -> u32> SdioSlot<R, T> {
-    /// Switches the SDIO on, with the card still off. DMA finds `memory` at `memory_address`; `detect` is the port (0
-    /// for A) and number of a pin that a card pulls low, `None` without such a pin.
+    /// Switches the SDIO on, with the card still off. DMA finds `memory` at `memory_address`;
+    /// `detect` is the port (0 for A) and number of a pin that a card pulls low, `None`
+    /// without such a pin.
     pub fn new(
         mut registers: R,
         now: T,
@@ -203,7 +206,8 @@ impl<R: Registers, T: Fn() -> u32> Inner<R, T> {
         while (self.now)().wrapping_sub(since) <= milliseconds * MS {}
     }
 
-    /// Sends a command; `answer` is one of [`SHORT`], [`LONG`] or 0. `has_crc`: the answer has a checksum.
+    /// Sends a command; `answer` is one of [`SHORT`], [`LONG`] or 0. `has_crc`: the
+    /// answer has a checksum.
     fn command(&mut self, index: u32, argument: u32, answer: u32, has_crc: bool) -> Result<(), CardError> {
         self.registers.write(ICR, ALL_FLAGS);
         self.registers.write(ARG, argument);
@@ -348,7 +352,8 @@ impl<R: Registers, T: Fn() -> u32> Inner<R, T> {
         }
     }
 
-    /// Asks the card whether it still sends or expects a block: only then does it answer a stop (SD specification 4.8).
+    /// Asks the card whether it still sends or expects a block: only then does it answer a stop (SD
+    /// specification 4.8).
     fn end_transfer(&mut self, started: Started) -> Result<(), CardError> {
         // Errors in this answer are those of the failed transfer.
         self.command(13, u32::from(started.address) << 16, SHORT, true)?;

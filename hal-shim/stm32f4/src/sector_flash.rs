@@ -1,9 +1,10 @@
 //! Sectors of the chip's own flash as a memory that is written while the program runs.
 //!
-//! The chip has one bank: while it erases or writes, every fetch of an instruction waits, so the processor is
-//! stopped, interrupts included. A word takes 16 us, at most 100 us; a sector of 128 KiB 1 s, at most 2 s (DS8626,
-//! flash memory, program parallelism of 32 bits, which the supply allows: [`crate::brown_out`]). The watchdog waits
-//! longer meanwhile. The caller sees to it that nothing moves and nothing heats.
+//! The chip has one bank: while it erases or writes, every fetch of an instruction waits, so the
+//! processor is stopped, interrupts included. A word takes 16 us, at most 100 us; a sector of 128
+//! KiB 1 s, at most 2 s (DS8626, flash memory, program parallelism of 32 bits, which the supply
+//! allows: [`crate::brown_out`]). The watchdog waits longer meanwhile. The caller sees to it that
+//! nothing moves and nothing heats.
 
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
@@ -12,7 +13,8 @@ use embedded_storage::nor_flash::{
 use crate::registers::Registers;
 use crate::watchdog;
 
-/// Length of the sectors that may be used, bytes: all but the first five of a chip (RM0090, table 5).
+/// Length of the sectors that may be used, bytes: all but the first five of a chip
+/// (RM0090, table 5).
 pub const SECTOR_BYTES: usize = 128 * 1024;
 
 /// First address of flash.
@@ -61,8 +63,8 @@ impl From<NorFlashErrorKind> for FlashError {
     }
 }
 
-/// `SECTORS` sectors of 128 KiB, addressed from the start of the first: `OFFSET` bytes from the start of the flash, a multiple of
-/// [`SECTOR_BYTES`] above 0.
+/// `SECTORS` sectors of 128 KiB, addressed from the start of the first: `OFFSET` bytes from the
+/// start of the flash, a multiple of [`SECTOR_BYTES`] above 0.
 #[derive(Debug)]
 pub struct SectorFlash<R, const OFFSET: u32, const SECTORS: usize> {
     registers: R,
@@ -81,7 +83,8 @@ impl<R: Registers, const OFFSET: u32, const SECTORS: usize> SectorFlash<R, OFFSE
         (FLASH + OFFSET).wrapping_add(offset)
     }
 
-    /// Unlocks the flash, acts, and locks it again. An error if the flash is busy, stays locked or reports one.
+    /// Unlocks the flash, acts, and locks it again. An error if the flash is busy, stays
+    /// locked or reports one.
     fn unlocked(&mut self, act: impl FnOnce(&mut R) -> bool) -> Result<(), FlashError> {
         let registers = &mut self.registers;
         if !registers.comes_to(SR, BUSY, false, MAX_LOOKS) {
@@ -100,7 +103,8 @@ impl<R: Registers, const OFFSET: u32, const SECTORS: usize> SectorFlash<R, OFFSE
         let is_done = act(registers);
         let is_right = registers.read(SR) & ERRORS == 0;
         registers.write(CR, LOCK);
-        // The caches may hold earlier contents (RM0090, 3.5.4: data cache). They are emptied while they are off.
+        // The caches may hold earlier contents (RM0090, 3.5.4: data cache). They are emptied
+        // while they are off.
         let caches = registers.read(ACR) & CACHES_ON;
         registers.modify(ACR, CACHES_ON, 0);
         registers.modify(ACR, 0, CACHES_EMPTY);

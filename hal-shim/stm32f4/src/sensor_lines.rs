@@ -1,7 +1,8 @@
 //! The pins of the sensors that axes home with, and their interrupt lines (EXTI).
 //!
-//! One line at a time is open, and only while its axis seeks its home. Addresses and bits: RM0090 2.3 (memory map), 7.3.10
-//! and 7.3.14 (RCC), 8.4 (GPIO), 9.2 (SYSCFG), 12.3 (EXTI); RM0390 is the same in all of it.
+//! One line at a time is open, and only while its axis seeks its home. Addresses and bits: RM0090
+//! 2.3 (memory map), 7.3.10 and 7.3.14 (RCC), 8.4 (GPIO), 9.2 (SYSCFG), 12.3 (EXTI); RM0390 is the
+//! same in all of it.
 
 use crate::gpio::{IDR, MODER, PULL_UP, PUPDR, port};
 use crate::rcc::{RCC_AHB1ENR, RCC_APB2ENR};
@@ -14,7 +15,8 @@ const EXTI_RTSR: u32 = 0x4001_3c08;
 const EXTI_FTSR: u32 = 0x4001_3c0c;
 const EXTI_PR: u32 = 0x4001_3c14;
 
-/// Samples of a pin that must all agree, some tens of nanoseconds apart: a spike must not count as an end stop.
+/// Samples of a pin that must all agree, some tens of nanoseconds apart: a spike must not
+/// count as an end stop.
 const LOOKS: u32 = 8;
 
 /// A sensor's pin.
@@ -46,7 +48,8 @@ impl SensorPin {
         registers.modify(self.of_port(MODER), 0b11 << (2 * line), 0);
     }
 
-    /// Returns true if the sensor is triggered now, by several samples that all agree: a spike does not count.
+    /// Returns true if the sensor is triggered now, by several samples that all agree: a
+    /// spike does not count.
     pub fn is_triggered(self, registers: &mut impl Registers) -> bool {
         (0..LOOKS).all(|_| {
             let is_high = registers.read(self.of_port(IDR)) & self.bit() != 0;
@@ -62,8 +65,8 @@ pub struct SensorLines {
 }
 
 impl SensorLines {
-    /// Makes the pins inputs with pull-ups, so that a broken wire reads as high, and connects their interrupt lines to the
-    /// edge at which they trigger. All lines stay closed.
+    /// Makes the pins inputs with pull-ups, so that a broken wire reads as high, and connects their
+    /// interrupt lines to the edge at which they trigger. All lines stay closed.
     pub fn start(pins: [Option<SensorPin>; 3], registers: &mut impl Registers) -> Self {
         registers.switch_clocks_on(RCC_APB2ENR, SYSCFG_CLOCK);
         registers.write(EXTI_IMR, 0);
@@ -79,13 +82,15 @@ impl SensorLines {
         Self::started(pins)
     }
 
-    /// Lines whose pins are set up: by the stores of [`Self::start`], which a build script recorded.
+    /// Lines whose pins are set up: by the stores of [`Self::start`], which a build
+    /// script recorded.
     pub const fn started(pins: [Option<SensorPin>; 3]) -> Self {
         Self { pins }
     }
 
-    /// Returns true if the sensor of an axis is triggered now, by as many samples as in the interrupt, so that a
-    /// spike does not end an approach before it begins. `false` without a sensor.
+    /// Returns true if the sensor of an axis is triggered now, by as many samples as in the
+    /// interrupt, so that a spike does not end an approach before it begins. `false`
+    /// without a sensor.
     pub fn is_triggered(&self, axis: usize, registers: &mut impl Registers) -> bool {
         self.pins.get(axis).copied().flatten().is_some_and(|pin| pin.is_triggered(registers))
     }
@@ -104,8 +109,8 @@ impl SensorLines {
         registers.write(EXTI_IMR, 0);
     }
 
-    /// The interrupt of the open line: whether its sensor has triggered, after which the line is closed. After a spike
-    /// it stays open.
+    /// The interrupt of the open line: whether its sensor has triggered, after which the line is
+    /// closed. After a spike it stays open.
     pub fn interrupt(&self, registers: &mut impl Registers) -> bool {
         let open = registers.read(EXTI_IMR);
         registers.write(EXTI_PR, open);
@@ -154,7 +159,8 @@ mod tests {
         // EXTICR1 has lines 0 to 3: E is 4; line 8 is the first of EXTICR3: A is 0.
         assert_eq!(registers.value(SYSCFG_EXTICR1), 0xf44f);
         assert_eq!(registers.value(SYSCFG_EXTICR1 + 8), 0);
-        // High triggers at the rising edge alone, low at the falling one alone; other lines stay unchanged.
+        // High triggers at the rising edge alone, low at the falling one alone; other
+        // lines stay unchanged.
         assert_eq!(registers.value(EXTI_RTSR), 1 << 1 | 1 << 2 | 1 << 12);
         assert_eq!(registers.value(EXTI_FTSR), 1 << 8);
         assert_eq!(registers.value(0x4002_1000), !(0b1111 << 2));

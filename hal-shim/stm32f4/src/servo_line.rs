@@ -1,10 +1,12 @@
-//! A servo's signal at any pin, by TIM6: its interrupt sets the pin at the beginning of a pulse and clears it at its end.
+//! A servo's signal at any pin, by TIM6: its interrupt sets the pin at the beginning of a pulse and
+//! clears it at its end.
 //!
-//! A basic timer has neither channels nor pins, so no fan or heater can need it. It counts microseconds and is
-//! stopped without pulses to send. Both edges come late by the entry of the interrupt, so a pulse is wrong only by
-//! the difference of two entries.
+//! A basic timer has neither channels nor pins, so no fan or heater can need it. It counts
+//! microseconds and is stopped without pulses to send. Both edges come late by the entry of the
+//! interrupt, so a pulse is wrong only by the difference of two entries.
 //!
-//! Addresses and bits: RM0090 2.3 (memory map), 7.3.13 (RCC_APB1ENR), 8.4 (GPIO), 20.4 (TIM6 and TIM7); RM0390 is the same.
+//! Addresses and bits: RM0090 2.3 (memory map), 7.3.13 (RCC_APB1ENR), 8.4 (GPIO), 20.4 (TIM6 and
+//! TIM7); RM0390 is the same.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -54,12 +56,14 @@ pub fn start(registers: &mut impl Registers, timer_hz: u32) {
 }
 
 impl<R: Registers> ServoLine<R> {
-    /// A signal that rests, at an output that is low: port (0 for A) and number. [`start`] comes before its first interrupt.
+    /// A signal that rests, at an output that is low: port (0 for A) and number. [`start`] comes
+    /// before its first interrupt.
     pub const fn at(registers: R, (port, number): (u8, u8)) -> Self {
         Self { registers, pin: (gpio::port(port) + BSRR, 1 << (number & 15)), phase: Phase::Rest }
     }
 
-    /// A phase has ended, or there is something to send. The reload value holds at once: the counter has just begun anew.
+    /// A phase has ended, or there is something to send. The reload value holds at once: the
+    /// counter has just begun anew.
     #[inline]
     pub fn interrupt(&mut self, pulses: &AtomicU32) {
         let is_update = self.registers.read(TIM6_SR) & 1 != 0;
@@ -105,8 +109,8 @@ impl<R: Registers> ServoLine<R> {
 /// Most looks at the timer for a phase: more than its 20 ms take.
 const MAX_LOOKS: u32 = 2_000_000;
 
-/// Sends one pulse and waits for its end and the pause after it, where no interrupt comes any more. A timer that was
-/// not set up gives a meaningless pulse.
+/// Sends one pulse and waits for its end and the pause after it, where no interrupt comes any more.
+/// A timer that was not set up gives a meaningless pulse.
 pub fn send_one(registers: &mut impl Registers, (port, number): (u8, u8), width_us: u16) {
     let (port, bit) = (gpio::port(port) + BSRR, 1 << (number & 15));
     let width_us = width_us.clamp(1, ServoPulses::PERIOD_US / 2);

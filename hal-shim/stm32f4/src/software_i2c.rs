@@ -1,10 +1,11 @@
 //! I2C by software, on any two pins: for a part that is asked seldom.
 //!
-//! The waits of stm32f4xx-hal's I2C have no bound, so that a line that stays low would block the task endlessly. Here
-//! every wait has one. The lines are open drain: a pin pulls low or releases, and resistors pull high. Levels are set
-//! by BSRR, one store for one pin, so that a task that is interrupted inside a byte changes no other pin; a clock
-//! that pauses meanwhile does no harm. From the bus's specification (NXP UM10204, 3.1): conditions, bytes and
-//! acknowledges 3.1.4 to 3.1.6, a part that holds the clock 3.1.9, a stuck bus 3.1.16.
+//! The waits of stm32f4xx-hal's I2C have no bound, so that a line that stays low would block the
+//! task endlessly. Here every wait has one. The lines are open drain: a pin pulls low or releases,
+//! and resistors pull high. Levels are set by BSRR, one store for one pin, so that a task that is
+//! interrupted inside a byte changes no other pin; a clock that pauses meanwhile does no harm. From
+//! the bus's specification (NXP UM10204, 3.1): conditions, bytes and acknowledges 3.1.4 to 3.1.6, a
+//! part that holds the clock 3.1.9, a stuck bus 3.1.16.
 
 use embedded_hal::i2c::{Error, ErrorKind, ErrorType, I2c, NoAcknowledgeSource, Operation};
 
@@ -42,7 +43,8 @@ impl Error for I2cFault {
 /// Halves of a period that the clock may be held low by a part: 1 ms at 100 kHz.
 const MAX_HELD: u32 = 200;
 
-/// Clocks after which a part that was interrupted inside a byte has released SDA: eight bits and the acknowledge.
+/// Clocks after which a part that was interrupted inside a byte has released SDA: eight bits and
+/// the acknowledge.
 const FREEING_CLOCKS: u32 = 9;
 
 /// The bus. The caller has set its pins up: open drain, released.
@@ -74,7 +76,8 @@ impl<R: Registers, P: BusPace> SoftwareI2c<R, P> {
         self.set(self.pins.scl, false);
     }
 
-    /// Sets SDA, lets half of a period pass, releases the clock, waits until it is high, and half of a period more.
+    /// Sets SDA, lets half of a period pass, releases the clock, waits until it is high, and half
+    /// of a period more.
     #[inline(never)]
     fn raise_clock(&mut self, sda: bool) {
         self.set(self.pins.sda, sda);
@@ -89,7 +92,8 @@ impl<R: Registers, P: BusPace> SoftwareI2c<R, P> {
         self.pace.half_period();
     }
 
-    /// Sends a bit and returns the level on the line: another's, if this one is 1. The clock is low before and after.
+    /// Sends a bit and returns the level on the line: another's, if this one is 1. The clock is low
+    /// before and after.
     #[inline(never)]
     fn bit(&mut self, bit: bool) -> bool {
         self.raise_clock(bit);
@@ -115,8 +119,9 @@ impl<R: Registers, P: BusPace> SoftwareI2c<R, P> {
         self.pace.half_period();
     }
 
-    /// Sees that both lines are high. A part that was reading when this chip was reset still sends its byte: it gets clocks until SDA is
-    /// high, and then, before the clock falls and its next bit may be low, a start, which ends its transfer.
+    /// Sees that both lines are high. A part that was reading when this chip was reset still sends
+    /// its byte: it gets clocks until SDA is high, and then, before the clock falls and its next
+    /// bit may be low, a start, which ends its transfer.
     fn free(&mut self) -> bool {
         self.is_stuck = false;
         self.raise_clock(true);
@@ -134,7 +139,8 @@ impl<R: Registers, P: BusPace> SoftwareI2c<R, P> {
         !self.is_stuck && self.is_high(self.pins.sda)
     }
 
-    /// Exchanges a byte, the highest bit first, and the acknowledge after it; returns both. Ones leave the line to a part.
+    /// Exchanges a byte, the highest bit first, and the acknowledge after it; returns both. Ones
+    /// leave the line to a part.
     #[inline(never)]
     fn byte(&mut self, sent: u8, acknowledge: bool) -> (u8, bool) {
         let mut received = 0;

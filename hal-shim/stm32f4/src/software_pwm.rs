@@ -4,8 +4,8 @@
 /// ([`HEATER_HZ`](super::HEATER_HZ)).
 pub const SOFTWARE_PERIOD_TICKS: u8 = 10;
 
-/// Power by switching: on for the first ticks of each period. The rest, less than a tick, is carried to the next
-/// ones: over ten periods the power is right to a hundredth.
+/// Power by switching: on for the first ticks of each period. The rest, less than a tick, is
+/// carried to the next ones: over ten periods the power is right to a hundredth.
 #[derive(Clone, Copy, Debug)]
 pub struct SoftwarePwm {
     power: f32,

@@ -1,15 +1,17 @@
 //! A serial line of one wire by software: the bit machine, without registers.
 //!
-//! A timer calls [`SoftwareSerial::tick`] [`TICKS_A_BIT`] times a bit, passes the level of the pin, and drives the
-//! pin as it returns. 8 bits, no parity, one stop bit, lowest bit first; the line is high at rest. While no byte is
-//! sent or awaited the timer may be stopped ([`SoftwareSerial::is_quiet`]).
+//! A timer calls [`SoftwareSerial::tick`] [`TICKS_A_BIT`] times a bit, passes the level of the pin,
+//! and drives the pin as it returns. 8 bits, no parity, one stop bit, lowest bit first; the line is
+//! high at rest. While no byte is sent or awaited the timer may be stopped
+//! ([`SoftwareSerial::is_quiet`]).
 //!
-//! Two of three samples around the middle of a bit decide its value, so that a disturbance shorter than a sample's
-//! interval does no harm. Every byte is timed from its own start bit, which is found to within a quarter of a bit:
-//! the last sample of a byte may drift by half a bit less that quarter in ten bits, 2.5 %, before a bit is read
-//! wrongly (1.8 % if the timer itself is a tenth of its interval early or late). The chip replies at the speed that
-//! it measured in the request (TMC2209 data sheet, section 4.1), so the remaining error is its clock's resolution,
-//! 1/625 of a bit at 19,200 baud.
+//! Two of three samples around the middle of a bit decide its value, so that a disturbance shorter
+//! than a sample's interval does no harm. Every byte is timed from its own start bit, which is
+//! found to within a quarter of a bit: the last sample of a byte may drift by half a bit less that
+//! quarter in ten bits, 2.5 %, before a bit is read wrongly (1.8 % if the timer itself is a tenth
+//! of its interval early or late). The chip replies at the speed that it measured in the request
+//! (TMC2209 data sheet, section 4.1), so the remaining error is its clock's resolution, 1/625 of a
+//! bit at 19,200 baud.
 
 use ferrostep_tmc2209::{LineBusy, LineBytes, SingleWireUart};
 
@@ -74,7 +76,8 @@ impl Receiver {
         }
         self.high += u8::from(level);
         let bit = self.high >= 2;
-        // A stop bit is over as soon as it is sure: a fast sender's next byte may begin with the next sample.
+        // A stop bit is over as soon as it is sure: a fast sender's next byte may begin with
+        // the next sample.
         let is_sure = bit && ticks / TICKS_A_BIT == BITS - 1;
         if ticks % TICKS_A_BIT != TICKS_A_BIT - 1 && !is_sure {
             return None;
@@ -110,7 +113,8 @@ impl SoftwareSerial {
         }
     }
 
-    /// A quarter of a bit has passed: `level` is the pin's now. The returned drive holds until the next tick.
+    /// A quarter of a bit has passed: `level` is the pin's now. The returned drive holds
+    /// until the next tick.
     pub fn tick(&mut self, level: bool) -> PinAction {
         match self.receiver.sample(level) {
             None => {}
@@ -179,7 +183,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Level of an ideal sender at a time in bits: it begins at `start`, its bits are `length` long.
+    /// Level of an ideal sender at a time in bits: it begins at `start`, its bits
+    /// are `length` long.
     fn level_at(bytes: &[u8], start: f64, length: f64, time: f64) -> bool {
         let bit = (time - start) / length;
         if bit < 0.0 {
@@ -269,8 +274,8 @@ mod tests {
             for tick in 0..520_u16 {
                 let level = level_at(&bytes, 3.0, 1.0, f64::from(tick) / 4.0 + 0.01);
                 let inside = tick >= 12 && tick < 12 + bytes.len() as u16 * 40;
-                // A wrong sample right before a start bit is taken for its edge, which only a clean start bit makes
-                // good.
+                // A wrong sample right before a start bit is taken for its edge, which only a clean
+                // start bit makes good.
                 let before_start = (tick - tick.min(12)) % 40 == 39;
                 let disturbed = inside && tick % 4 == 1 + wrong[usize::from(tick / 4)] && !before_start;
                 serial.tick(level ^ disturbed);

@@ -1,8 +1,9 @@
-//! SPI by software, on any four pins: for a part that is asked seldom, so that neither a peripheral nor its alternate functions
-//! are used up.
+//! SPI by software, on any four pins: for a part that is asked seldom, so that neither a peripheral
+//! nor its alternate functions are used up.
 //!
-//! Mode 3: the clock rests high, data change when it falls and are taken when it rises. It knows the ports' registers (RM0090 8.4):
-//! levels are set by BSRR, one store for one pin, so that a task that is interrupted inside a frame changes no other pin.
+//! Mode 3: the clock rests high, data change when it falls and are taken when it rises. It knows
+//! the ports' registers (RM0090 8.4): levels are set by BSRR, one store for one pin, so that a task
+//! that is interrupted inside a frame changes no other pin.
 
 use core::convert::Infallible;
 
@@ -25,7 +26,8 @@ pub struct SpiPins {
     pub cs: (u8, u8),
 }
 
-/// The bus. The caller has set its pins up: `miso` an input, the others outputs, `cs` and `sck` high.
+/// The bus. The caller has set its pins up: `miso` an input, the others outputs,
+/// `cs` and `sck` high.
 #[derive(Debug)]
 pub struct SoftwareSpi<R, P> {
     registers: R,

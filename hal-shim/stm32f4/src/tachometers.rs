@@ -1,7 +1,7 @@
 //! The fans' tachometers: inputs whose pulses are counted by looking often enough.
 //!
-//! A tachometer is an open collector that pulls its line to ground and lets it go, twice a turn. Looked at every millisecond, pulses
-//! are counted up to 15,000 turns a minute.
+//! A tachometer is an open collector that pulls its line to ground and lets it go, twice a turn.
+//! Looked at every millisecond, pulses are counted up to 15,000 turns a minute.
 
 use core::sync::atomic::{AtomicU16, Ordering};
 

@@ -22,8 +22,8 @@ const DSTS: u32 = 0x5000_0808;
 /// DSTS: the speed; 11 is full speed, and the only one that this controller has.
 const ENUMSPD: u32 = 0b11 << 1;
 
-/// Returns true if the controller reports another speed than its own after a bus reset. Its driver panics at such a
-/// value.
+/// Returns true if the controller reports another speed than its own after a bus reset. Its driver
+/// panics at such a value.
 pub fn has_wrong_speed(registers: &mut impl Registers) -> bool {
     registers.read(GINTSTS) & ENUMDNE != 0 && registers.read(DSTS) & ENUMSPD != ENUMSPD
 }

@@ -1,4 +1,5 @@
-//! The independent watchdog: a counter with a separate oscillator that resets the chip unless it is fed.
+//! The independent watchdog: a counter with a separate oscillator that resets the chip
+//! unless it is fed.
 
 use crate::registers::Registers;
 
@@ -12,8 +13,8 @@ const UNLOCK: u32 = 0x5555;
 const FEED: u32 = 0xaaaa;
 /// SR: divider and reload value are on their way to the other clock, five of its periods.
 const UPDATING: u32 = 0b11;
-/// DBGMCU_APB1_FZ (RM0090, 38.16.4), whose bit pauses the watchdog while a debugger has halted the core. Only
-/// power-on resets the register, so an earlier debugger may have set it.
+/// DBGMCU_APB1_FZ (RM0090, 38.16.4), whose bit pauses the watchdog while a debugger has halted the
+/// core. Only power-on resets the register, so an earlier debugger may have set it.
 const DEBUG_FREEZE: u32 = 0xe004_2008;
 const FREEZE_WATCHDOG: u32 = 1 << 12;
 
@@ -40,8 +41,8 @@ const MAX_LOOKS: u32 = 1_000_000;
 /// Behaviour of the watchdog while a debugger has halted the core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UnderDebugger {
-    /// The watchdog resets the chip: on a board with heaters. The timers keep the heaters at their last power, so a
-    /// halted core would let a bed heat without limit.
+    /// The watchdog resets the chip: on a board with heaters. The timers keep the heaters at their
+    /// last power, so a halted core would let a bed heat without limit.
     Runs,
     /// The watchdog is paused as well: on a board without heaters.
     StandsStill,
@@ -63,7 +64,8 @@ impl Watchdog {
         registers.write(KR, UNLOCK);
         registers.write(PR, DIVIDER_CODE);
         registers.write(RLR, COUNT - 1);
-        // Where it has no such flag, or never clears it, the longer time-out after reset may be in force.
+        // Where it has no such flag, or never clears it, the longer time-out after reset
+        // may be in force.
         let _updated = registers.comes_to(SR, UPDATING, false, MAX_LOOKS);
         let watchdog = Self(());
         watchdog.feed(registers);
@@ -76,7 +78,8 @@ impl Watchdog {
     }
 }
 
-/// Lets it wait for 5.5 s or more, whether it runs or not: an erasure of flash keeps the processor for up to 2 s.
+/// Lets it wait for 5.5 s or more, whether it runs or not: an erasure of flash keeps the
+/// processor for up to 2 s.
 pub(crate) fn wait_longer(registers: &mut impl Registers) {
     set_count(LONG_COUNT, registers);
 }

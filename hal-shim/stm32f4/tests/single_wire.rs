@@ -27,8 +27,8 @@ const NS_A_BIT: f64 = 1e9 / BAUD as f64;
 
 const TIMING: LineTiming = LineTiming::new(1_000_000, BAUD);
 
-/// A chip's own serial port: it samples far more often than the software's, measures the speed in the synchronisation
-/// nibble (data sheet, section 4.1), and replies at that speed.
+/// A chip's own serial port: it samples far more often than the software's, measures the speed in
+/// the synchronisation nibble (data sheet, section 4.1), and replies at that speed.
 struct ChipPort {
     chip: DriverChip,
     /// Since when the line has been at its level, and the edges of the present datagram, ns.
@@ -85,7 +85,8 @@ impl ChipPort {
     }
 }
 
-/// A bit, by the time from the first edge to that between bits 2 and 3 of the synchronisation: four bits.
+/// A bit, by the time from the first edge to that between bits 2 and 3 of the
+/// synchronisation: four bits.
 fn measured_bit(edges: &[f64]) -> Option<f64> {
     let bit = (edges.get(4)? - edges.first()?) / 4.0;
     (bit > NS_A_BIT / 2.0 && bit < NS_A_BIT * 2.0).then_some(bit)
@@ -115,8 +116,8 @@ struct Wire {
     serial: SoftwareSerial,
     chips: Vec<ChipPort>,
     driven_low: bool,
-    /// Error of this side's timer: a factor of its interval, and the most by which a tick may be early or late, in
-    /// intervals.
+    /// Error of this side's timer: a factor of its interval, and the most by which a tick may be
+    /// early or late, in intervals.
     clock: f64,
     jitter: f64,
     /// Samples in ten thousand that are wrong.
@@ -193,7 +194,8 @@ fn two_drivers_on_a_wire_are_set_up() {
 proptest! {
     #![proptest_config(ferrostep_random_cases::cases(24))]
 
-    /// Our timer may be 5 % off, for the chips follow it, and each of its calls early or late by a tenth of an interval.
+    /// Our timer may be 5 % off, for the chips follow it, and each of its calls early or late by a
+    /// tenth of an interval.
     #[test]
     fn a_clock_that_is_off_and_calls_that_are_late_do_no_harm(clock in 0.95..1.05, jitter in 0.0..0.1, seed: u32) {
         prop_assert_eq!(set_up(clock, jitter, 0, seed), (vec![DriverEventKind::Confirmed; 2], [true; 2]));

@@ -3,7 +3,8 @@
 use super::*;
 use proptest::prelude::*;
 
-/// 104GT by Semitec's table of resistances (GT thermistors, nominal values): degrees Celsius and kilohms.
+/// 104GT by Semitec's table of resistances (GT thermistors, nominal values): degrees
+/// Celsius and kilohms.
 const SEMITEC_TABLE: [(f32, f32); 21] = [
     (-30.0, 2132.0),
     (-20.0, 1127.0),
@@ -28,7 +29,8 @@ const SEMITEC_TABLE: [(f32, f32); 21] = [
     (300.0, 0.08065),
 ];
 
-/// B57560G104F by others' chart of its data sheet, in ohms: rounded, and smoothed between the printed values.
+/// B57560G104F by others' chart of its data sheet, in ohms: rounded, and smoothed between
+/// the printed values.
 const EPCOS_CHART: [(f32, f32); 7] = [
     (0.0, 333_964.0),
     (49.4667, 36_272.8),
@@ -39,7 +41,8 @@ const EPCOS_CHART: [(f32, f32); 7] = [
     (300.0, 107.8),
 ];
 
-/// A platinum resistor by the standard's table (IEC 60751, table 1, PT100 times ten): degrees Celsius and ohms.
+/// A platinum resistor by the standard's table (IEC 60751, table 1, PT100 times ten): degrees
+/// Celsius and ohms.
 const PLATINUM_TABLE: [(f32, f32); 10] = [
     (-50.0, 803.1),
     (-20.0, 921.6),
@@ -175,7 +178,8 @@ fn what_can_be_told_depends_on_the_resistor() {
 }
 
 proptest! {
-    /// A temperature, converted to a reading and back, differs by at most the half step of the rounding.
+    /// A temperature, converted to a reading and back, differs by at most the half step
+    /// of the rounding.
     #[test]
     fn a_temperature_and_its_reading_are_one(
         kind in prop_oneof![

@@ -7,11 +7,12 @@ use super::motors::{MOTORS, SECOND_EXTRUDER, Z};
 use super::settings::{DriverSettings, DriverWiring, RegisterImage, SettingsError};
 use super::uart::SingleWireUart;
 
-/// Rest of the line between datagrams: the chip wants 12 bit times after one that it did not understand
-/// (section 4.1.1).
+/// Rest of the line between datagrams: the chip wants 12 bit times after one that it did not
+/// understand (section 4.1.1).
 const REST_BITS: u32 = 16;
 
-/// Times of the line, in ticks of the caller. No interval may reach 2^31 ticks: the clock has at most 1 GHz.
+/// Times of the line, in ticks of the caller. No interval may reach 2^31 ticks: the clock
+/// has at most 1 GHz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineTiming {
     /// A bit, rounded up.
@@ -35,7 +36,8 @@ impl LineTiming {
     }
 }
 
-/// The drivers of `N` motors, at most [`MOST_MOTORS`](super::MOST_MOTORS). [`Self::poll`] is called from time to time and never waits.
+/// The drivers of `N` motors, at most [`MOST_MOTORS`](super::MOST_MOTORS). [`Self::poll`] is called
+/// from time to time and never waits.
 #[derive(Clone, Debug)]
 pub struct DriverBank<const N: usize = MOTORS> {
     drivers: [Option<Driver>; N],
@@ -83,7 +85,8 @@ impl<const N: usize> DriverBank<N> {
         }
     }
 
-    /// Returns the state of a motor's driver, whether it can be relied on; `None` for a motor without one.
+    /// Returns the state of a motor's driver, whether it can be relied on; `None` for a
+    /// motor without one.
     #[must_use]
     pub fn state(&self, motor: usize) -> Option<DriverState> {
         self.driver(motor).map(Driver::state)
@@ -112,8 +115,8 @@ impl<const N: usize> DriverBank<N> {
         })
     }
 
-    /// Changes a driver's settings, for Z those of all its motors; it is then unconfirmed until it is set up anew.
-    /// Without effect for a motor without a driver.
+    /// Changes a driver's settings, for Z those of all its motors; it is then unconfirmed until it
+    /// is set up anew. Without effect for a motor without a driver.
     ///
     /// # Errors
     /// The chip cannot do that with this board's sense resistors; nothing has changed.
@@ -137,7 +140,8 @@ impl<const N: usize> DriverBank<N> {
         [motor].into_iter().chain(further)
     }
 
-    /// Mask of the motors (Z's as one) that may have moved since this was last asked, because their drivers were reset or off.
+    /// Mask of the motors (Z's as one) that may have moved since this was last asked, because their
+    /// drivers were reset or off.
     pub fn take_moved(&mut self) -> u8 {
         core::mem::take(&mut self.moved)
     }

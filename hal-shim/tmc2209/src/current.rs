@@ -2,10 +2,12 @@
 
 use core::fmt;
 
-/// Full-scale voltage across the sense resistor with vsense = 0 and 1, mV (section 9, table of VFS).
+/// Full-scale voltage across the sense resistor with vsense = 0 and 1, mV (section
+/// 9, table of VFS).
 const FULL_SCALE_MV: [u64; 2] = [325, 180];
 
-/// Resistance that the chip and its leads add to the sense resistor, milliohm (section 9, the formula's 20 milliohm).
+/// Resistance that the chip and its leads add to the sense resistor, milliohm (section 9, the
+/// formula's 20 milliohm).
 const INNER_MILLIOHM: u64 = 20;
 
 /// 32 times the square root of 2, in millionths: from the effective current to the scale.
@@ -42,8 +44,9 @@ impl fmt::Display for CurrentError {
 }
 
 impl CurrentScale {
-    /// The nearest to an effective current: scale + 1 = 32 sqrt(2) I (R + 20 milliohm) / VFS (section 9). Full scale is
-    /// the smaller one wherever that reaches, for then the steps between currents are finer.
+    /// The nearest to an effective current: scale + 1 = 32 sqrt(2) I (R + 20 milliohm) / VFS
+    /// (section 9). Full scale is the smaller one wherever that reaches, for then the steps between
+    /// currents are finer.
     ///
     /// # Errors
     /// It is more than the larger full scale gives, or less than half the least.
@@ -96,7 +99,8 @@ mod tests {
 
     #[test]
     fn figures_of_the_data_sheet() {
-        // Section 9, table of sense resistors: 0.11 ohm gives 1.77 A at most, 0.22 ohm 0.96 A, with vsense = 0.
+        // Section 9, table of sense resistors: 0.11 ohm gives 1.77 A at most, 0.22 ohm 0.96 A,
+        // with vsense = 0.
         let most = CurrentScale { scale: 31, high_sensitivity: false };
         assert_eq!([most.current_ma(110), most.current_ma(220)], [1768, 958]);
         // The Prusa MINI's 350 mA at 0.22 ohm.

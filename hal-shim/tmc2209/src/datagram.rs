@@ -4,7 +4,8 @@ use core::fmt;
 
 use super::registers::Register;
 
-/// First byte of every datagram: the nibble 1010, lowest bit first, by which the chip measures the speed of the line.
+/// First byte of every datagram: the nibble 1010, lowest bit first, by which the chip measures the
+/// speed of the line.
 const SYNC: u8 = 0x05;
 
 /// Whom a reply is for.
@@ -22,7 +23,8 @@ pub const WRITE_BYTES: usize = 8;
 /// Bytes of a reply.
 pub const REPLY_BYTES: usize = 8;
 
-/// The checksum of section 4.2: polynomial x^8 + x^2 + x + 1, beginning with 0, lowest bit of each byte first.
+/// The checksum of section 4.2: polynomial x^8 + x^2 + x + 1, beginning with 0, lowest bit of
+/// each byte first.
 #[must_use]
 pub fn crc8(bytes: &[u8]) -> u8 {
     // Computed mirrored, in the order of the bits: half a byte at a time.
@@ -30,7 +32,8 @@ pub fn crc8(bytes: &[u8]) -> u8 {
     bytes.iter().fold(0, |crc, byte| half(half(crc ^ byte))).reverse_bits()
 }
 
-/// The effect of the four bits that leave the mirrored checksum; 0xe0 is the polynomial 0x07 mirrored.
+/// The effect of the four bits that leave the mirrored checksum; 0xe0 is the
+/// polynomial 0x07 mirrored.
 const HALF_BYTES: [u8; 16] = {
     let mut table = [0; 16];
     let mut bits = 0;
@@ -102,7 +105,8 @@ impl fmt::Display for ReplyError {
     }
 }
 
-/// The value in a reply, which must be one of `register` (section 4.1.2). Bytes after its eight are ignored.
+/// The value in a reply, which must be one of `register` (section 4.1.2). Bytes after its
+/// eight are ignored.
 ///
 /// # Errors
 /// The bytes are not such a reply.
@@ -146,7 +150,8 @@ mod tests {
 
     #[test]
     fn check_sums_seen_on_a_real_line() {
-        // A read of IOIN and the chip's reply, by a master that fills the upper nibble of the first byte.
+        // A read of IOIN and the chip's reply, by a master that fills the upper nibble
+        // of the first byte.
         assert_eq!(crc8(&[0x55, 0x00, 0x06]), 0xe8);
         assert_eq!(parse_reply(&[0x05, 0xff, 0x06, 0x21, 0x00, 0x02, 0x41, 0x9d], Register::Ioin), Ok(0x2100_0241));
         assert_eq!(read_request(0, Register::Gconf), [0x05, 0x00, 0x00, 0x48]);

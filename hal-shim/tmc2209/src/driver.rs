@@ -1,13 +1,13 @@
-//! One driver: its next datagram, and the meaning of its answers. Every course ends: a datagram is tried at most
-//! [`TRIES`] times, a set-up [`ATTEMPTS`] times, and then the driver has failed.
+//! One driver: its next datagram, and the meaning of its answers. Every course ends: a datagram is
+//! tried at most [`TRIES`] times, a set-up [`ATTEMPTS`] times, and then the driver has failed.
 
 use super::event::{DriverEventKind, Failure};
 use super::exchange::{ExchangeError, Request};
 use super::registers::{DriverStatus, GlobalStatus, Register, VERSION};
 use super::settings::{DriverSettings, DriverWiring, RegisterImage, SettingsError};
 
-/// Number of tries of a datagram. On a line that garbles one byte in a hundred, a read fails with a chance of one in
-/// nine, and all of the tries in a row with one in 20 million.
+/// Number of tries of a datagram. On a line that garbles one byte in a hundred, a read fails with a
+/// chance of one in nine, and all of the tries in a row with one in 20 million.
 pub(super) const TRIES: u8 = 8;
 
 /// Number of set-ups that are begun before the driver has failed.

@@ -87,7 +87,8 @@ impl DriverEvent {
         !matches!(self.kind, DriverEventKind::Confirmed | DriverEventKind::Warning(_))
     }
 
-    /// The motor of 0 to 3 with which it moves: Z for the further ones of Z, E for the second extruder's.
+    /// The motor of 0 to 3 with which it moves: Z for the further ones of Z, E for the
+    /// second extruder's.
     #[must_use]
     pub const fn axis(&self) -> usize {
         match self.motor {

@@ -12,8 +12,8 @@ use super::uart::SingleWireUart;
 /// Bits of a byte on the line: start, eight, stop.
 const BYTE_BITS: u32 = 10;
 
-/// The chip waits 24 bit times before it replies; another chip on the line, at its defaults, or a line at its slowest
-/// edges may take some more.
+/// The chip waits 24 bit times before it replies; another chip on the line, at its defaults, or a
+/// line at its slowest edges may take some more.
 const REPLY_DELAY_BITS: u32 = 40;
 
 /// Margin for a caller that polls only now and then.

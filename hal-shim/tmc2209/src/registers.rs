@@ -121,8 +121,8 @@ const fn bit(flag: bool, at: u32) -> u32 {
     (flag as u32) << at
 }
 
-/// GCONF (section 5.1). All functions without a field are off: the reference voltage from the pin, resistors in the
-/// chip, the functions of INDEX, the test mode.
+/// GCONF (section 5.1). All functions without a field are off: the reference voltage from the pin,
+/// resistors in the chip, the functions of INDEX, the test mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GlobalConf {
     /// spreadCycle at all speeds (and no stealthChop).
@@ -196,7 +196,8 @@ impl HoldRun {
     }
 }
 
-/// Microsteps of a full step as MRES has them (section 5.5.1): 256 as 0, halved with each number, 1 as 8.
+/// Microsteps of a full step as MRES has them (section 5.5.1): 256 as 0, halved with
+/// each number, 1 as 8.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MicrostepResolution(u8);
 
@@ -259,9 +260,11 @@ impl ChopConf {
 pub struct DriverStatus(u32);
 
 impl DriverStatus {
-    /// Flags of a driver that has switched itself off: over-temperature, shorts to ground and to the supply.
+    /// Flags of a driver that has switched itself off: over-temperature, shorts to ground
+    /// and to the supply.
     pub const FATAL: u32 = 0b11_1110;
-    /// Flags of something that a person should know: over-temperature warning, open load of the coils.
+    /// Flags of something that a person should know: over-temperature warning, open
+    /// load of the coils.
     pub const WARNINGS: u32 = 0b1100_0001;
     /// Over-temperature shutdown.
     pub const OVER_TEMPERATURE: u32 = 1 << 1;

@@ -14,25 +14,27 @@ pub const CLOCK_HZ: u32 = 12_000_000;
 /// Microsteps of a full step that TSTEP counts in.
 pub const TSTEP_MICROSTEPS: u32 = 256;
 
-/// The slowest speed at which a motor's load can be measured, full steps a second: a revolution a second of most motors
-/// (section 11.4).
+/// The slowest speed at which a motor's load can be measured, full steps a second: a revolution a
+/// second of most motors (section 11.4).
 pub const STALL_FULL_STEPS_PER_S: u32 = 200;
 
-/// TCOOLTHRS, the speed below which there is no stall signal: three quarters of [`STALL_FULL_STEPS_PER_S`], so that
-/// the chip's clock may be off by some percent.
+/// TCOOLTHRS, the speed below which there is no stall signal: three quarters of
+/// [`STALL_FULL_STEPS_PER_S`], so that the chip's clock may be off by some percent.
 const STALL_CLOCKS: u32 = CLOCK_HZ / (STALL_FULL_STEPS_PER_S * 3 / 4 * TSTEP_MICROSTEPS);
 
-/// NODECONF: the chip waits 3 times 8 bit times before it replies. Less is not allowed where several share a line
-/// (section 5.1), and more only costs time.
+/// NODECONF: the chip waits 3 times 8 bit times before it replies. Less is not allowed where
+/// several share a line (section 5.1), and more only costs time.
 const NODE_CONF: u32 = 2 << 8;
 
-/// TPOWERDOWN: 2^18 clocks times this from the last step to the hold current, 0.44 s; the chip's default (section 5.2).
+/// TPOWERDOWN: 2^18 clocks times this from the last step to the hold current, 0.44 s; the chip's
+/// default (section 5.2).
 const POWER_DOWN: u32 = 20;
 
 /// Time of each step down to the hold current, 2^18 clocks.
 const HOLD_DELAY: u8 = 8;
 
-/// PWMCONF: both automatic tunings on, 2/683 of the clock, and the rest at its reset value (section 5.5.2).
+/// PWMCONF: both automatic tunings on, 2/683 of the clock, and the rest at its reset value
+/// (section 5.5.2).
 const PWM_CONF: u32 = 0xc10d_0024;
 
 /// The machine's settings for a motor's driver.
@@ -50,7 +52,8 @@ pub struct DriverSettings {
     pub stealth_chop: bool,
     /// Speed at which spreadCycle takes over from stealthChop, mm/s; 0: never.
     pub spread_cycle_above_mm_per_s: u16,
-    /// The motor's steps for each mm, from which that speed's time between two steps follows: the profile's, whatever M92 says.
+    /// The motor's steps for each mm, from which that speed's time between two steps follows: the
+    /// profile's, whatever M92 says.
     pub steps_per_mm: f32,
     /// SGTHRS: the stall signal comes when the measured load is at most twice this; 0 = never.
     pub stall_threshold: u8,
@@ -76,8 +79,8 @@ impl DriverSettings {
         self.spread_cycle_above_mm_per_s != 0 && f64::from(self.spread_cycle_above_mm_per_s) <= mm_per_s
     }
 
-    /// TPWMTHRS: spreadCycle takes over where a microstep of 1/256 takes less than this many clocks of the chip (section 5.2);
-    /// 0 = nowhere.
+    /// TPWMTHRS: spreadCycle takes over where a microstep of 1/256 takes less than this many clocks
+    /// of the chip (section 5.2); 0 = nowhere.
     fn chopper_clocks(&self) -> u32 {
         if self.spread_cycle_above_mm_per_s == 0 {
             return 0;
@@ -113,8 +116,8 @@ impl fmt::Display for SettingsError {
 /// All registers that are written, and the currents that they mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RegisterImage {
-    /// Registers and values in the order of writing. NODECONF comes first: before it, replies may disturb others on
-    /// the line.
+    /// Registers and values in the order of writing. NODECONF comes first: before it, replies may
+    /// disturb others on the line.
     pub writes: [(Register, u32); 10],
     /// Effective current in motion, mA.
     pub run_ma: u16,
@@ -141,7 +144,8 @@ impl RegisterImage {
             microsteps_by_register: true,
             filter_steps: true,
         };
-        // Off time, hysteresis: the chip's own at reset. Blank time: 32 clocks, which section 5.5.1 recommends.
+        // Off time, hysteresis: the chip's own at reset. Blank time: 32 clocks, which section
+        // 5.5.1 recommends.
         let chopper = ChopConf {
             off_time: 3,
             hysteresis_start: 5,

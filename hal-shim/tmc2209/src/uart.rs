@@ -4,10 +4,12 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineBusy;
 
-/// Serial lines of one wire each, one of them in use at a time: 8 bits, no parity, one stop bit, lowest bit first. On
-/// one wire the sender hears itself, so that sent bytes come back before any reply.
+/// Serial lines of one wire each, one of them in use at a time: 8 bits, no parity, one stop
+/// bit, lowest bit first. On one wire the sender hears itself, so that sent bytes come back
+/// before any reply.
 ///
-/// No call waits. `now_ticks` is the clock of the caller, modulo 2^32; hardware need not look at it.
+/// No call waits. `now_ticks` is the clock of the caller, modulo 2^32; hardware
+/// need not look at it.
 pub trait SingleWireUart {
     /// Begins to send at most eight bytes on a line, and forgets earlier received bytes.
     ///

@@ -1,4 +1,5 @@
-//! The bank against model chips, in virtual time: it always ends, and confirms only drivers that are set up.
+//! The bank against model chips, in virtual time: it always ends, and confirms only drivers
+//! that are set up.
 #![allow(clippy::unwrap_used)]
 
 use proptest::prelude::*;
@@ -22,8 +23,8 @@ const SETTINGS: DriverSettings = DriverSettings {
 /// Ticks are microseconds.
 const TIMING: LineTiming = LineTiming::new(1_000_000, 19_200);
 
-/// Longest set-up of four drivers: three attempts of 16 steps, each of at most 8 writes and 8 reads of 300 bit times with
-/// their rests.
+/// Longest set-up of four drivers: three attempts of 16 steps, each of at most 8 writes and 8 reads
+/// of 300 bit times with their rests.
 const MAX_SET_UP_US: u32 = 4 * 3 * 16 * 16 * 300 * 53;
 
 struct Bench {
@@ -236,8 +237,8 @@ fn other_settings_are_written_and_confirmed() {
     assert!(refused.is_err() && bench.all_confirmed());
 }
 
-/// Passes time until each driver is confirmed or has failed, or the longest set-up is over; which have. `confirmed` sees
-/// each one that is confirmed.
+/// Passes time until each driver is confirmed or has failed, or the longest set-up is over; which
+/// have. `confirmed` sees each one that is confirmed.
 fn settle(bench: &mut Bench, mut confirmed: impl FnMut(&mut Bench, usize)) -> [bool; MOTORS] {
     let mut settled = [false; MOTORS];
     while bench.now < MAX_SET_UP_US && settled != [true; MOTORS] {
@@ -255,9 +256,10 @@ fn settle(bench: &mut Bench, mut confirmed: impl FnMut(&mut Bench, usize)) -> [b
     settled
 }
 
-/// One byte in a hundred costs repetitions. It takes more than minutes until all tries of a datagram fail, or until
-/// several garbled bytes pass for another datagram; and then the driver is set up again. These rare events are
-/// counted, over the same minutes in every run: a property must hold for every seed.
+/// One byte in a hundred costs repetitions. It takes more than minutes until all tries of a
+/// datagram fail, or until several garbled bytes pass for another datagram; and then the driver is
+/// set up again. These rare events are counted, over the same minutes in every run: a property must
+/// hold for every seed.
 #[test]
 fn a_noisy_line_is_good_enough() {
     let mut disturbed = 0;
@@ -296,7 +298,8 @@ proptest! {
         prop_assert!(is_true);
     }
 
-    /// Resets, silence and noise that the checksum finds, at any time: when they are over, all is well again.
+    /// Resets, silence and noise that the checksum finds, at any time: when they are over,
+    /// all is well again.
     #[test]
     fn it_recovers(faults in proptest::collection::vec((0_usize..MOTORS, 0_u8..4, 1_u32..700_000), 1..12)) {
         let mut bench = Bench::new(0);

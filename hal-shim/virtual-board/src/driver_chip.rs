@@ -1,4 +1,5 @@
-//! A TMC2209 as its serial line shows it: it answers datagrams like the chip, and can be made to fail.
+//! A TMC2209 as its serial line shows it: it answers datagrams like the chip, and can
+//! be made to fail.
 
 use super::StallSignal;
 use ferrostep_tmc2209::{DriverStatus, GlobalStatus, Register, VERSION, crc8};
@@ -97,7 +98,8 @@ impl DriverChip {
         }
     }
 
-    /// Hears a datagram, and replies if it is a good request for its own address. Anything else it ignores.
+    /// Hears a datagram, and replies if it is a good request for its own address. Anything
+    /// else it ignores.
     pub fn hear(&mut self, datagram: &[u8]) -> Option<[u8; 8]> {
         let (crc, head) = datagram.split_last()?;
         let is_good = !self.is_silent && crc8(head) == *crc;

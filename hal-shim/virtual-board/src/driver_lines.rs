@@ -4,8 +4,8 @@ use ferrostep_tmc2209::{DriverWiring, LineBusy, MOTORS, SingleWireUart};
 
 use super::DriverChip;
 
-/// Connections of the virtual board's drivers: all on one line, the addresses of the Prusa MINI's board, and the
-/// sense resistors of the usual modules, 0.11 ohm.
+/// Connections of the virtual board's drivers: all on one line, the addresses of the Prusa MINI's
+/// board, and the sense resistors of the usual modules, 0.11 ohm.
 pub const VIRTUAL_WIRING: [DriverWiring; MOTORS] = [
     DriverWiring { line: 0, address: 1, sense_milliohm: 110 },
     DriverWiring { line: 0, address: 3, sense_milliohm: 110 },
@@ -67,14 +67,15 @@ impl VirtualDriverLines {
         self.chips.get_mut(motor).and_then(Option::as_mut).map(|(_, chip)| chip)
     }
 
-    /// Sets the number of bytes in a thousand that are garbled on their way to a chip or back; `seed` chooses which.
+    /// Sets the number of bytes in a thousand that are garbled on their way to a chip or back;
+    /// `seed` chooses which.
     pub fn set_noise(&mut self, garbled_per_mille: u32, seed: u32) {
         self.garbled_per_mille = garbled_per_mille;
         self.noise = seed | 1;
     }
 
-    /// Garbles at most this many bytes of a datagram. Its checksum, CRC-8, finds one garbled byte for certain; of
-    /// several, one pattern in 256 passes for another datagram.
+    /// Garbles at most this many bytes of a datagram. Its checksum, CRC-8, finds one garbled byte
+    /// for certain; of several, one pattern in 256 passes for another datagram.
     pub fn set_most_garbled(&mut self, bytes: u32) {
         self.most_garbled = bytes;
     }

@@ -65,7 +65,8 @@ impl VirtualHeater {
     }
 }
 
-/// Heaters with a thermal model each, and the fans. The hot end's own fan cools none. What the bed loses warms the chamber.
+/// Heaters with a thermal model each, and the fans. The hot end's own fan cools none. What the bed
+/// loses warms the chamber.
 #[derive(Clone, Debug)]
 pub struct VirtualHeaters {
     heaters: [VirtualHeater; 2],
@@ -80,7 +81,8 @@ pub struct VirtualHeaters {
 }
 
 impl VirtualHeaters {
-    /// Heaters that are off and cold: what the nozzle's, the bed's, the chamber's and a second nozzle's heat, and their thermistors.
+    /// Heaters that are off and cold: what the nozzle's, the bed's, the chamber's and a second
+    /// nozzle's heat, and their thermistors.
     pub const fn new(
         nozzle: (HeatedMass, Thermistor),
         bed: (HeatedMass, Thermistor),
@@ -126,7 +128,8 @@ impl VirtualHeaters {
         }
     }
 
-    /// Lets a heater fail, or mends it. A thermistor that was mended reads right from the next moment on.
+    /// Lets a heater fail, or mends it. A thermistor that was mended reads right from
+    /// the next moment on.
     pub fn set_failure(&mut self, heater: Heater, failure: Option<HeaterFailure>) {
         if let Some(heater) = self.heater_mut(heater) {
             heater.failure = failure;
@@ -154,7 +157,8 @@ impl VirtualHeaters {
         }
     }
 
-    /// True temperature of what a heater heats, whatever its thermistor says, degrees Celsius; the air's without such a heater.
+    /// True temperature of what a heater heats, whatever its thermistor says, degrees Celsius; the
+    /// air's without such a heater.
     pub fn true_celsius(&self, heater: Heater) -> f32 {
         self.heater(heater).map_or(AMBIENT_CELSIUS, |heater| heater.model.celsius())
     }
@@ -164,7 +168,8 @@ impl VirtualHeaters {
         self.heater(heater).map_or(AMBIENT_CELSIUS, |heater| heater.thermistor_celsius)
     }
 
-    /// Adds heat from elsewhere to a heated body, W, for `seconds`; negative for heat that melting filament takes.
+    /// Adds heat from elsewhere to a heated body, W, for `seconds`; negative for heat that
+    /// melting filament takes.
     pub fn warm(&mut self, heater: Heater, watts: f32, seconds: f32) {
         if let Some(heater) = self.heater_mut(heater) {
             heater.model.warm(watts, seconds);
@@ -181,7 +186,8 @@ impl VirtualHeaters {
         self.stuck_fans[fan.index()] = is_stuck;
     }
 
-    /// True if the power supply is on: without it no heater heats, even one whose transistor has failed closed, and no fan turns.
+    /// True if the power supply is on: without it no heater heats, even one whose transistor has
+    /// failed closed, and no fan turns.
     pub const fn has_supply(&self) -> bool {
         self.has_supply
     }

@@ -1,4 +1,5 @@
-//! A board in memory, in virtual time: motors that count, end stops, heaters with a thermal model, a fan.
+//! A board in memory, in virtual time: motors that count, end stops, heaters with a
+//! thermal model, a fan.
 //!
 //! Time passes only when the caller plays step entries or waits.
 #![cfg_attr(not(test), no_std)]

@@ -1,16 +1,17 @@
-//! A machine's frame, sheet and sensors without its motors' steps: moves are lengths, so that a homing takes microseconds of
-//! the desk's time and can be tried from very many places.
+//! A machine's frame, sheet and sensors without its motors' steps: moves are lengths, so that a
+//! homing takes microseconds of the desk's time and can be tried from very many places.
 //!
-//! The frame has a hard end on both sides of each axis; the lower one of Z is the bed. A motor that pushes against an end loses
-//! those steps, and the greatest push is recorded.
+//! The frame has a hard end on both sides of each axis; the lower one of Z is the bed. A motor that
+//! pushes against an end loses those steps, and the greatest push is recorded.
 
 use super::VirtualProbe;
 
-/// Distance that a motor must be held back until its driver reports a stall, units of 10 nm: 0.06 mm, as
-/// [`super::StallSignal`] has it for the Prusa MINI.
+/// Distance that a motor must be held back until its driver reports a stall, units of 10 nm: 0.06
+/// mm, as [`super::StallSignal`] has it for the Prusa MINI.
 pub const STALL_LAG_10NM: i64 = 6_000;
 
-/// Up to this far before its place a sensor that bounces may seem to trigger, units of 10 nm: 0.1 mm.
+/// Up to this far before its place a sensor that bounces may seem to trigger, units
+/// of 10 nm: 0.1 mm.
 pub const BOUNCE_10NM: i64 = 10_000;
 
 /// The sensor that an axis homes with.
@@ -27,7 +28,8 @@ pub enum SensorPlace {
 pub enum SensorFault {
     /// It works.
     Healthy,
-    /// Always triggered: a broken wire of a switch that opens, an input without a sensor and with a pull-up.
+    /// Always triggered: a broken wire of a switch that opens, an input without a sensor
+    /// and with a pull-up.
     AlwaysOn,
     /// Never triggered: a shorted wire, no sheet on the bed.
     AlwaysOff,
@@ -68,7 +70,8 @@ pub struct Mechanics {
 }
 
 impl Mechanics {
-    /// A machine whose nozzle truly stands at a place within the frame; `seed` sets the random choices.
+    /// A machine whose nozzle truly stands at a place within the frame; `seed` sets
+    /// the random choices.
     pub fn new(
         frame_10nm: [[i64; 2]; 3],
         sensors: [VirtualSensor; 3],
@@ -85,7 +88,8 @@ impl Mechanics {
         self.true_10nm
     }
 
-    /// Greatest distances that the motors have pushed against the lower and the upper end of each axis, units of 10 nm.
+    /// Greatest distances that the motors have pushed against the lower and the upper end of each
+    /// axis, units of 10 nm.
     pub fn pushed_10nm(&self) -> [[i64; 2]; 3] {
         self.beyond_10nm
     }
@@ -119,8 +123,8 @@ impl Mechanics {
         beyond[1] = beyond[1].max(*push);
     }
 
-    /// The motors move an axis by this, or less: until its input says that the sensor has triggered. Returns by how much they
-    /// have moved, and whether it has.
+    /// The motors move an axis by this, or less: until its input says that the sensor has
+    /// triggered. Returns by how much they have moved, and whether it has.
     pub fn seek(&mut self, axis: usize, by_10nm: i64) -> (i64, bool) {
         let length = by_10nm.abs();
         let spike = matches!(self.sensors.get(axis), Some(VirtualSensor { fault: SensorFault::Spiking, .. }))
@@ -160,7 +164,8 @@ impl Mechanics {
         axis != 2 || self.probe.is_none_or(|probe| probe.is_above_sheet(self.true_10nm))
     }
 
-    /// Distance that the motors must move in a direction until the input triggers; `None` if it never does.
+    /// Distance that the motors must move in a direction until the input triggers; `None`
+    /// if it never does.
     fn way_to_sensor(&mut self, axis: usize, direction: i64) -> Option<i64> {
         let sensor = *self.sensors.get(axis)?;
         if self.is_triggered(axis) {

@@ -6,8 +6,8 @@ use super::VirtualMotors;
 use ferrostep_hal_shim::{Approach, HomingSensors, MotionWatch, MotorEnable, PlanningClock, ServoPulses, StepQueue};
 use ferrostep_step_player::{DroppedSteps, FeedError, StepLink};
 
-/// A step queue with modelled sensors. Virtual motors make all steps of the queue as they are added, and tell where a
-/// sensor triggers.
+/// A step queue with modelled sensors. Virtual motors make all steps of the queue as they are
+/// added, and tell where a sensor triggers.
 #[derive(Debug)]
 pub struct ModelledSensors<Q> {
     queue: Q,

@@ -7,7 +7,8 @@ use super::{EndStopFailure, StallSignal, VirtualProbe};
 use crate::pin::VirtualPin;
 use ferrostep_hal_shim::Approach;
 
-/// True position of the tool head when a virtual machine is switched on, units of 10 nm from its origin.
+/// True position of the tool head when a virtual machine is switched on, units of 10 nm
+/// from its origin.
 pub const START_10NM: [i64; 3] = [6_000_000, 5_000_000, 1_200_000];
 
 /// The sensor an axis homes with.
@@ -19,7 +20,8 @@ pub struct VirtualEndStop {
     pub at_max: bool,
 }
 
-/// Motors that count their steps since they were switched on, and the sensors that the tool head meets.
+/// Motors that count their steps since they were switched on, and the sensors that the
+/// tool head meets.
 #[derive(Debug)]
 pub struct VirtualMotors {
     /// The steps that the motors have made.
@@ -37,7 +39,8 @@ pub struct VirtualMotors {
     probe: Option<VirtualProbe>,
     /// The probe triggers by this pin, where it would without.
     pin: Option<VirtualPin>,
-    /// Height above the sheet at which the probe's present approach ends, and the state of its random numbers.
+    /// Height above the sheet at which the probe's present approach ends, and the state of
+    /// its random numbers.
     scattered_10nm: i64,
     random: u64,
     /// Stall signal of the driver of the axis that homes by a stall; `None` if it never comes.
@@ -47,7 +50,8 @@ pub struct VirtualMotors {
 }
 
 impl VirtualMotors {
-    /// Motors whose tool head truly stands at `true_position_10nm`, which the printer does not know.
+    /// Motors whose tool head truly stands at `true_position_10nm`, which the
+    /// printer does not know.
     pub fn new(geometry: Geometry, end_stops: [VirtualEndStop; 3], true_position_10nm: [i64; 3]) -> Self {
         Self {
             ledger: StepLedger::default(),
@@ -96,7 +100,8 @@ impl VirtualMotors {
         }
     }
 
-    /// Reading of a failed sensor that does not depend on the position; `None` if it reads as a working one.
+    /// Reading of a failed sensor that does not depend on the position; `None` if it reads
+    /// as a working one.
     fn said_by_failure(&self, axis: usize) -> Option<bool> {
         match self.failures.get(axis).copied().flatten()? {
             EndStopFailure::NeverTriggers => Some(false),
@@ -146,7 +151,8 @@ impl VirtualMotors {
         self.scattered_10nm = ((self.random >> 11) % range).cast_signed() - most;
     }
 
-    /// Position to which the motors have driven the tool head, units of 10 nm, as if nothing stopped it.
+    /// Position to which the motors have driven the tool head, units of 10 nm, as if
+    /// nothing stopped it.
     fn driven_to_10nm(&self) -> [i64; 3] {
         let mut motors = self.start_steps;
         for (motor, steps) in motors.iter_mut().zip(self.ledger.motor_steps()) {
@@ -155,8 +161,8 @@ impl VirtualMotors {
         self.geometry.position_10nm(motors)
     }
 
-    /// True if the driver of a framed axis reports a stall after an event. A motor that lags too far behind
-    /// falls back.
+    /// True if the driver of a framed axis reports a stall after an event. A motor that lags too
+    /// far behind falls back.
     fn stalls(&mut self, axis: usize, steps_before: [i64; 4]) -> bool {
         let (Some(before), Some(now)) = (steps_before.get(axis), self.ledger.motor_steps().get(axis).copied()) else {
             return false;
@@ -198,12 +204,14 @@ impl VirtualMotors {
         approach
     }
 
-    /// Distance that motors have pushed against the frame, which begins where an end stop that does not trigger should be, units of 10 nm.
+    /// Distance that motors have pushed against the frame, which begins where an end stop that does
+    /// not trigger should be, units of 10 nm.
     pub fn pushed_10nm(&self) -> [i64; 3] {
         self.pushed_10nm
     }
 
-    /// The frame holds what an end stop that never triggers lets drive on: the motors lose those steps.
+    /// The frame holds what an end stop that never triggers lets drive on: the motors
+    /// lose those steps.
     fn hold(&mut self, axis: usize) {
         if self.is_framed(axis) || self.said_by_failure(axis) != Some(false) {
             return;
@@ -228,7 +236,8 @@ impl VirtualMotors {
     }
 
     fn play_until_met(&mut self, entry: StepEntry, axis: usize, observer: &mut impl StepObserver) -> Approach {
-        // Where the head is costs more than an event: it is computed only where the end stop can be.
+        // Where the head is costs more than an event: it is computed only where the
+        // end stop can be.
         let mut apart = self.events_apart(axis);
         for (index, event) in (1..).zip(entry.events()) {
             self.ledger.play(event, observer);
@@ -246,7 +255,8 @@ impl VirtualMotors {
         Approach { added: Some(entry), triggered: false }
     }
 
-    /// Events that cannot reach the end stop of an axis: none takes the head further than a step of one motor.
+    /// Events that cannot reach the end stop of an axis: none takes the head further than a
+    /// step of one motor.
     fn events_apart(&self, axis: usize) -> u64 {
         if self.is_triggered(axis) {
             return 0;
@@ -260,7 +270,8 @@ impl VirtualMotors {
         ((apart_10nm as f64 / UNITS_PER_MM as f64 * steps_per_mm) as u64).saturating_sub(2)
     }
 
-    /// Plays an entry, event by event, up to the one at which the driver of `axis` says that its motor stalls.
+    /// Plays an entry, event by event, up to the one at which the driver of `axis` says that
+    /// its motor stalls.
     fn play_until_stalled(&mut self, entry: StepEntry, axis: usize, observer: &mut impl StepObserver) -> Approach {
         for (index, event) in (1..).zip(entry.events()) {
             let before = self.ledger.motor_steps();
@@ -342,7 +353,8 @@ mod tests {
         assert_eq!(motors.play_until_triggered(short, 0, &mut ()), whole(short));
         let long = StepEntry::stair(1_000, 100, 0b1, 0b1000).unwrap();
         let approach = motors.play_until_triggered(long, 0, &mut ());
-        // The event that triggers is not the entry's last: what is added to that one has not stepped.
+        // The event that triggers is not the entry's last: what is added to that one
+        // has not stepped.
         assert_eq!(approach, Approach { added: StepEntry::stair(1_000, 60, 0b1, 0), triggered: true });
         assert_eq!(motors.ledger.motor_steps(), [-80, 0, 0, 1]);
         assert_eq!(motors.ledger.tick(), 80_000);

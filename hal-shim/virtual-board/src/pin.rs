@@ -1,5 +1,6 @@
-//! The virtual board's probe with a pin, which a servo's pulses move in no time (BLTouch). It triggers as long as it touches: that its
-//! signal is a short one is for the model of the virtual mainboard.
+//! The virtual board's probe with a pin, which a servo's pulses move in no time (BLTouch). It
+//! triggers as long as it touches: that its signal is a short one is for the model of the
+//! virtual mainboard.
 
 use super::EndStopFailure;
 
@@ -11,14 +12,14 @@ const TOLERANCE_US: u16 = 100;
 pub(crate) struct VirtualPin {
     is_out: bool,
     in_touch_mode: bool,
-    /// It did not go where it was told to. The signal is high until touch mode or the release ends that; while it lasts, nothing else is
-    /// obeyed.
+    /// It did not go where it was told to. The signal is high until touch mode or the release ends
+    /// that; while it lasts, nothing else is obeyed.
     in_alarm: bool,
 }
 
 impl VirtualPin {
-    /// Pulses of this width, for a pin with this failure. Source of the widths: Klipper's `bltouch.py`; of the alarm: the virtual
-    /// mainboard's model.
+    /// Pulses of this width, for a pin with this failure. Source of the widths: Klipper's
+    /// `bltouch.py`; of the alarm: the virtual mainboard's model.
     pub(crate) fn tell(&mut self, width_us: u16, failure: Option<EndStopFailure>) {
         let is = |known: u16| width_us.abs_diff(known) <= TOLERANCE_US;
         let is_release = is(2_190);

@@ -7,7 +7,8 @@ pub struct SheetShape {
     pub tilt_10nm: [i64; 2],
     /// Height that is added everywhere.
     pub height_10nm: i64,
-    /// Rise of the corners at the lower ends of X and Y and at both upper ends, and fall of the two others.
+    /// Rise of the corners at the lower ends of X and Y and at both upper ends, and fall
+    /// of the two others.
     pub twist_10nm: i64,
     /// Rise of the middle above the corners of the outline.
     pub bend_10nm: i64,
@@ -33,8 +34,8 @@ impl SheetShape {
     }
 }
 
-/// Width of the sheet beyond each end of the bed, units of 10 nm: sheets are cut some tenths larger than the part that is
-/// printed on, and homing by stall finds its place to some hundredths.
+/// Width of the sheet beyond each end of the bed, units of 10 nm: sheets are cut some tenths larger
+/// than the part that is printed on, and homing by stall finds its place to some hundredths.
 const SHEET_EDGE_10NM: i64 = 50_000;
 
 /// A probe beside the nozzle. It sees the sheet only where it is above it.
@@ -42,8 +43,8 @@ const SHEET_EDGE_10NM: i64 = 50_000;
 pub struct VirtualProbe {
     /// Offset from the nozzle to the probe along X and Y, units of 10 nm.
     pub offset_10nm: [i64; 2],
-    /// The part of the sheet that is printed on: lower and upper end along X and Y, machine coordinates, units of 10 nm. The sheet
-    /// is half a millimetre larger on each side.
+    /// The part of the sheet that is printed on: lower and upper end along X and Y, machine
+    /// coordinates, units of 10 nm. The sheet is half a millimetre larger on each side.
     pub sheet_10nm: [[i64; 2]; 2],
     /// Its shape.
     pub shape: SheetShape,

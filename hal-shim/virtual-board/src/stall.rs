@@ -1,8 +1,9 @@
 //! Stall reports of a TMC2209: the virtual board's model of StallGuard4 (data sheet, section 11).
 //!
-//! A motor that is held back lags behind its steps, and the chip's measure of the load, SG_RESULT, falls from that of
-//! free motion to 0 at a full step. The signal comes when it is down to twice SGTHRS, in stealthChop, and only where the
-//! chip counts a time between microsteps from TPWMTHRS to TCOOLTHRS: a slow motor does not show its load.
+//! A motor that is held back lags behind its steps, and the chip's measure of the load, SG_RESULT,
+//! falls from that of free motion to 0 at a full step. The signal comes when it is down to twice
+//! SGTHRS, in stealthChop, and only where the chip counts a time between microsteps from TPWMTHRS
+//! to TCOOLTHRS: a slow motor does not show its load.
 
 use ferrostep_planner::TICKS_PER_SECOND;
 
@@ -21,7 +22,8 @@ const PERIOD_STEPS: i64 = 4;
 pub struct StallSignal {
     /// The load at which it comes.
     load: i64,
-    /// The longest and the shortest time between two microsteps of 1/256 in which it does, clocks of the chip.
+    /// The longest and the shortest time between two microsteps of 1/256 in which it does,
+    /// clocks of the chip.
     longest_clocks: u64,
     shortest_clocks: u64,
     /// Microsteps of a full step.
@@ -29,7 +31,8 @@ pub struct StallSignal {
 }
 
 impl StallSignal {
-    /// The settings that registers hold; `None` where there is no signal: in spreadCycle, or at threshold 0.
+    /// The settings that registers hold; `None` where there is no signal: in spreadCycle,
+    /// or at threshold 0.
     pub fn from_registers(register: impl Fn(Register) -> u32) -> Option<Self> {
         let threshold = register(Register::Sgthrs) & 0xff;
         let spread_cycle = register(Register::Gconf) & GlobalConf::SPREAD_CYCLE != 0;
@@ -45,7 +48,8 @@ impl StallSignal {
         })
     }
 
-    /// True if the signal is there when the motor lags by `lag_steps` and its last step has taken `interval_ticks`.
+    /// True if the signal is there when the motor lags by `lag_steps` and its last step has taken
+    /// `interval_ticks`.
     pub fn is_there(&self, lag_steps: i64, interval_ticks: u64) -> bool {
         let microsteps = self.microsteps.cast_unsigned();
         let clocks = interval_ticks.saturating_mul(u64::from(CLOCK_HZ) * microsteps)

@@ -41,7 +41,8 @@ impl HeatedMass {
         sensor_lag_s: 0.0,
     };
 
-    /// A closed chamber of half a metre with a heater of 200 W. A bed of 100 C alone warms it to 55 C, in half an hour.
+    /// A closed chamber of half a metre with a heater of 200 W. A bed of 100 C alone warms it to 55
+    /// C, in half an hour.
     pub const CHAMBER: Self = Self {
         heater_w: 200.0,
         capacity_j_per_k: 4_000.0,
@@ -52,7 +53,8 @@ impl HeatedMass {
     };
 }
 
-/// Powers on their way from the heater to the thermistor: a ring of means, each over a part of the dead time.
+/// Powers on their way from the heater to the thermistor: a ring of means, each over a part
+/// of the dead time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Delay {
     powers: [f32; DELAY_PARTS],
@@ -122,8 +124,8 @@ impl ThermalModel {
         self.celsius += watts / self.mass.capacity_j_per_k * seconds;
     }
 
-    /// Runs the model for `seconds`, at most a second or so at a time, with the heater at `power` (0 to 1) and the
-    /// fan at `fan_power` (0 to 255).
+    /// Runs the model for `seconds`, at most a second or so at a time, with the heater at `power`
+    /// (0 to 1) and the fan at `fan_power` (0 to 255).
     pub fn advance(&mut self, power: f32, fan_power: u8, seconds: f32) {
         let HeatedMass { heater_w, capacity_j_per_k, loss_w_per_k, fan_loss_w_per_k, dead_time_s, .. } = self.mass;
         let power = self.delay.pass(power, seconds, dead_time_s);

@@ -24,8 +24,8 @@ impl<D: Decisions> Classic<D> {
         Self { rise, fall, decision: rise.wrapping_sub(dx), decisions: D::default() }
     }
 
-    /// Passes `count` steps of the major axis, a decision each; returns true if the minor axis steps with the last of
-    /// them.
+    /// Passes `count` steps of the major axis, a decision each; returns true if the minor axis
+    /// steps with the last of them.
     ///
     /// The decision value stays within 2 dx of zero, however many steps are passed.
     #[inline(always)]

@@ -1,7 +1,7 @@
 //! Counts of comparisons of decision values with zero: the work that Wu 2024 saves.
 
-/// Comparison of decision values, which may be counted. All comparisons of an algorithm pass through here, so that none
-/// is left out.
+/// Comparison of decision values, which may be counted. All comparisons of an algorithm pass
+/// through here, so that none is left out.
 pub trait Decisions: Copy + Default {
     /// True if a decision value is above zero.
     fn is_above_zero(&mut self, value: i32) -> bool;

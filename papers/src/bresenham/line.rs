@@ -1,5 +1,5 @@
-//! Lines of several axes in any direction: the longest axis leads, each other one is interpolated against it (Wu 2024,
-//! section 1).
+//! Lines of several axes in any direction: the longest axis leads, each other one is interpolated
+//! against it (Wu 2024, section 1).
 
 use super::classic::Classic;
 use super::decisions::Decisions;
@@ -76,7 +76,8 @@ impl<const AXES: usize> Line<AXES> {
         stairs
     }
 
-    /// The line point by point, by classic Bresenham. Points are relative to the start, which is not one of them.
+    /// The line point by point, by classic Bresenham. Points are relative to the start, which is
+    /// not one of them.
     pub fn points<D: Decisions>(&self) -> Points<D, AXES> {
         Points {
             followers: self.slopes.map(Classic::new),
@@ -120,7 +121,8 @@ impl<W: Widths> Follower<W> {
         self.left = if self.whole > 0 { self.widths.width() } else { u32::MAX };
     }
 
-    /// Passes `count` events, at most those left in the present stair; returns true if the stair ends with them.
+    /// Passes `count` events, at most those left in the present stair; returns true if the
+    /// stair ends with them.
     fn pass(&mut self, count: u32) -> bool {
         if self.whole == 0 {
             return false;
@@ -135,8 +137,8 @@ impl<W: Widths> Follower<W> {
     }
 }
 
-/// A line's stairs: an event in which some axis differs from what it usually does ends each. At most the sum of
-/// min(dy, dx - dy) over the axes beside the longest, and one.
+/// A line's stairs: an event in which some axis differs from what it usually does ends each. At
+/// most the sum of min(dy, dx - dy) over the axes beside the longest, and one.
 #[derive(Clone, Copy, Debug)]
 pub struct LineStairs<W, const AXES: usize> {
     followers: [Follower<W>; AXES],

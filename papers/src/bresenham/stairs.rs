@@ -8,8 +8,8 @@ use ferrostep_planner::bresenham::Slope;
 pub struct Stair {
     /// Steps of the major axis, at least 1.
     pub width: u32,
-    /// True if its last step is of the rarer kind: with the minor axis, or without it on a steep line
-    /// ([`Slope::is_steep`]). False for what is left after the last stair.
+    /// True if its last step is of the rarer kind: with the minor axis, or without it on a steep
+    /// line ([`Slope::is_steep`]). False for what is left after the last stair.
     pub is_whole: bool,
 }
 
@@ -36,7 +36,8 @@ impl<W: Widths> Stairs<W> {
         self.whole
     }
 
-    /// The width of the next whole stair, for those who count that there is one: beyond [`Self::whole`] it means nothing.
+    /// The width of the next whole stair, for those who count that there is one: beyond
+    /// [`Self::whole`] it means nothing.
     #[inline(always)]
     pub fn whole_width(&mut self) -> u32 {
         self.whole = self.whole.wrapping_sub(1);

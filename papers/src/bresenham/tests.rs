@@ -2,8 +2,8 @@
 use super::*;
 use proptest::prelude::*;
 
-/// Wu 2024 eq. 3, literally and in 64 bits: yields for each step of the major axis if the minor one steps, and counts
-/// the decisions.
+/// Wu 2024 eq. 3, literally and in 64 bits: yields for each step of the major axis if the minor one
+/// steps, and counts the decisions.
 fn classic(dx: i64, dy: i64) -> impl Iterator<Item = bool> {
     let mut decision = 2 * dy - dx;
     (0..dx).map(move |_| {
@@ -64,8 +64,8 @@ fn points_by_stairs<W: Widths, const AXES: usize>(line: &Line<AXES>) -> Vec<[i32
     points
 }
 
-/// Computes the point nearest to the ideal line at each step of the longest axis, a tie going to the start's side: the
-/// result of classic Bresenham, without any decision value.
+/// Computes the point nearest to the ideal line at each step of the longest axis, a tie going to
+/// the start's side: the result of classic Bresenham, without any decision value.
 fn nearest_points<const AXES: usize>(displacement: [i64; AXES]) -> Vec<[i32; AXES]> {
     let longest = displacement.iter().map(|d| d.abs()).max().unwrap();
     (1..=longest)

@@ -1,9 +1,10 @@
 //! Width of the next stair: Wu 2024's two corollaries.
 //!
-//! Below, e is the decision value after a stair's last step, dx the steps of the major axis and dy those of the rarer
-//! kind (of the minor axis, or on a steep line of the major axis alone). Each step adds 2 dy, and the first that brings
-//! the value above zero ends the stair and takes off 2 dx. So -2 dx < e <= 2 dy - 2 dx after every stair, and a stair of
-//! width w ends with e + 2 w dy, in (0, 2 dy].
+//! Below, e is the decision value after a stair's last step, dx the steps of the major axis and
+//! dy those of the rarer kind (of the minor axis, or on a steep line of the major axis alone).
+//! Each step adds 2 dy, and the first that brings the value above zero ends the stair and takes
+//! off 2 dx. So -2 dx < e <= 2 dy - 2 dx after every stair, and a stair of width w ends with e +
+//! 2 w dy, in (0, 2 dy].
 
 use super::decisions::{Decisions, Uncounted};
 use ferrostep_planner::bresenham::Slope;
@@ -13,28 +14,31 @@ pub trait Widths: Copy {
     /// New at the start of a line.
     fn new(slope: Slope) -> Self;
 
-    /// Width of the next stair. There are as many stairs as steps of the rarer kind; beyond them, or without any, the
-    /// width is meaningless.
+    /// Width of the next stair. There are as many stairs as steps of the rarer kind; beyond them,
+    /// or without any, the width is meaningless.
     fn width(&mut self) -> u32;
 
     /// Decision values compared so far.
     fn decisions(&self) -> u64;
 }
 
-/// Widths without a division: from the width n of the first stair, found by counting (Wu 2024, corollary 2).
+/// Widths without a division: from the width n of the first stair, found by counting (Wu
+/// 2024, corollary 2).
 ///
-/// The first stair starts at e = -dx, or 1 - dx on a steep line. Its width is the n with
-/// 2 (n - 1) dy <= dx < 2 n dy, or 2 (n - 1) dy < dx <= 2 n dy. A stair after it of width w ends in (0, 2 dy], so
-/// (w - 1) dy < dx and w dy > dx - dy (from the bounds of e): with the former, w - 1 < 2 n and w > 2 n - 3.
-/// The paper's d1, the value at width 2n-2, is e + 2 (2 n - 2) dy; it prints d0 + 2 (dy - dx) + 2 (2 n - 3) dy, the same
-/// with e = d0 - 2 dx. Which of the widths it is, one comparison tells or two.
+/// The first stair starts at e = -dx, or 1 - dx on a steep line. Its width is the n with 2 (n - 1)
+/// dy <= dx < 2 n dy, or 2 (n - 1) dy < dx <= 2 n dy. A stair after it of width w ends in (0, 2
+/// dy], so (w - 1) dy < dx and w dy > dx - dy (from the bounds of e): with the former, w - 1 < 2 n
+/// and w > 2 n - 3. The paper's d1, the value at width 2n-2, is e + 2 (2 n - 2) dy; it prints d0 +
+/// 2 (dy - dx) + 2 (2 n - 3) dy, the same with e = d0 - 2 dx. Which of the widths it is, one
+/// comparison tells or two.
 #[derive(Clone, Copy, Debug)]
 pub struct FromFirstStair<D = Uncounted> {
     rise: i32,
     fall: i32,
     /// e, after the last stair handed out.
     decision: i32,
-    /// 2n-2, and by how much a stair of that width changes the decision value; none before the first stair.
+    /// 2n-2, and by how much a stair of that width changes the decision value; none before
+    /// the first stair.
     least: Option<(u32, i32)>,
     decisions: D,
 }
@@ -88,14 +92,16 @@ impl<D: Decisions> Widths for FromFirstStair<D> {
     }
 }
 
-/// Widths with one division a line: F = floor(dx/dy) (Wu 2024, corollary 1), for which an optimised Cortex-M4 takes 2
-/// to 12 cycles.
+/// Widths with one division a line: F = floor(dx/dy) (Wu 2024, corollary 1), for which an optimised
+/// Cortex-M4 takes 2 to 12 cycles.
 ///
-/// A stair of width w after the first: from e > -2 dx and the end at most 2 dy, w dy < dx + dy, so w <= F + 1; from
-/// e <= 2 dy - 2 dx and the end above zero, w dy > dx - dy, so w >= F. At width F the value is e + 2 F dy; the paper's
-/// d0 + 2 (dy - dx) + 2 (F + 1) dy would be at width F + 2 and is a misprint of 2 (F - 1) dy.
+/// A stair of width w after the first: from e > -2 dx and the end at most 2 dy, w dy < dx + dy, so
+/// w <= F + 1; from e <= 2 dy - 2 dx and the end above zero, w dy > dx - dy, so w >= F. At width F
+/// the value is e + 2 F dy; the paper's d0 + 2 (dy - dx) + 2 (F + 1) dy would be at width F + 2 and
+/// is a misprint of 2 (F - 1) dy.
 ///
-/// The first stair starts dx nearer to its end, half as far as others: its width is half of F, or one more.
+/// The first stair starts dx nearer to its end, half as far as others: its width is half
+/// of F, or one more.
 #[derive(Clone, Copy, Debug)]
 pub struct FromQuotient<D = Uncounted> {
     rise: i32,

@@ -1,9 +1,10 @@
 //! Speeds and lengths that a jerk and an acceleration allow a ramp of two halves.
 //!
-//! Li 2017, eqs. 1 to 4, changes the speed by dv in 2 t1, t1 = sqrt(dv/j), with a greatest acceleration of j t1. The
-//! machine also limits the acceleration to a, which Li does not: if j t1 would exceed it, t1 = dv/a, and the jerk is
-//! the smaller dv/t1^2 = a^2/dv. A ramp is +j and then -j in either case, and half of it the mean of both speeds, so
-//! that its length is (v0 + v1) t1, t1 = max(sqrt(dv/j), dv/a).
+//! Li 2017, eqs. 1 to 4, changes the speed by dv in 2 t1, t1 = sqrt(dv/j), with a greatest
+//! acceleration of j t1. The machine also limits the acceleration to a, which Li does not: if j t1
+//! would exceed it, t1 = dv/a, and the jerk is the smaller dv/t1^2 = a^2/dv. A ramp is +j and then
+//! -j in either case, and half of it the mean of both speeds, so that its length is (v0 + v1) t1,
+//! t1 = max(sqrt(dv/j), dv/a).
 
 use ferrostep_planner::square_root::square_root;
 
@@ -31,7 +32,8 @@ impl RampBounds {
         (one + other) * self.half_time(one, other)
     }
 
-    /// The fastest speed that can be reached from `speed` over a length, or from which that speed can be reached.
+    /// The fastest speed that can be reached from `speed` over a length, or from which that
+    /// speed can be reached.
     pub(crate) fn reach(&self, speed: f64, length: f64) -> f64 {
         if length <= 0.0 {
             return speed;
@@ -42,12 +44,13 @@ impl RampBounds {
         last_that(speed, by_acceleration.min(by_jerk), |fast| self.length(speed, fast) <= length)
     }
 
-    /// Version of [`Self::reach`] that for slow speeds returns the least of what is reached from a stop and from every
-    /// speed below: a greater speed never reaches less.
+    /// Version of [`Self::reach`] that for slow speeds returns the least of what is reached from a
+    /// stop and from every speed below: a greater speed never reaches less.
     ///
-    /// Alone it would. The length (u + x) sqrt((u - x)/j) has its greatest value at x = u/3, because the acceleration has
-    /// to be gone at x: from a little more than a stop one reaches less than from a stop. Look-ahead raises the speeds of
-    /// corners, and what it granted before must stay possible.
+    /// Alone it would. The length (u + x) sqrt((u - x)/j) has its greatest value at x = u/3,
+    /// because the acceleration has to be gone at x: from a little more than a stop one reaches
+    /// less than from a stop. Look-ahead raises the speeds of corners, and what it granted before
+    /// must stay possible.
     pub(crate) fn reach_from_up_to(&self, speed: f64, length: f64) -> f64 {
         // Farthest reach, at x = u/3: L = 4/3 u sqrt(2u/3j).
         let root = cube_root(length * 0.75 * square_root(1.5 * self.jerk));
@@ -56,7 +59,8 @@ impl RampBounds {
         if speed < farthest / 3.0 { reached.min(farthest) } else { reached }
     }
 
-    /// The slowest speed at least `wanted` and at most `speed`, such that it and all between can be reached over a length.
+    /// The slowest speed at least `wanted` and at most `speed`, such that it and all between can be
+    /// reached over a length.
     pub(crate) fn slowest(&self, speed: f64, wanted: f64, length: f64) -> f64 {
         if wanted >= speed || self.length(speed, wanted) <= length {
             return wanted.min(speed);
@@ -69,7 +73,8 @@ impl RampBounds {
         speed - last_that(0.0, speed - low, |drop| self.length(speed, speed - drop) <= length)
     }
 
-    /// The greatest speed at most `most`, and not below the ends', to which one can go and come back over a length.
+    /// The greatest speed at most `most`, and not below the ends', to which one can go and come
+    /// back over a length.
     pub(crate) fn peak(&self, entry: f64, exit: f64, most: f64, length: f64) -> f64 {
         let least = entry.max(exit);
         if most <= least {
@@ -96,8 +101,8 @@ fn last_that(mut low: f64, mut high: f64, holds: impl Fn(f64) -> bool) -> f64 {
     low
 }
 
-/// The cube root of a number that is not negative, by Newton's steps from above: each takes away a third, until they
-/// square the error.
+/// The cube root of a number that is not negative, by Newton's steps from above: each takes away a
+/// third, until they square the error.
 fn cube_root(x: f64) -> f64 {
     if x <= 0.0 {
         return 0.0;

@@ -37,10 +37,11 @@ pub struct LineEvent {
     pub steps: [i8; 2],
 }
 
-/// Steps of the motors A and B along a line. A diagonal pulse is two events, two steps of one motor.
+/// Steps of the motors A and B along a line. A diagonal pulse is two events, two
+/// steps of one motor.
 ///
-/// Events are in the middle of their parts of the time, as in a print: of an N-th for N pulses, a half of that for each
-/// half of a diagonal, and of each motor's own period under dual-rate.
+/// Events are in the middle of their parts of the time, as in a print: of an N-th for N pulses, a
+/// half of that for each half of a diagonal, and of each motor's own period under dual-rate.
 #[derive(Clone, Copy, Debug)]
 pub struct CoreXyLine {
     rule: Rule,
@@ -143,7 +144,8 @@ impl CoreXyLine {
         Some(steps.signed())
     }
 
-    /// The time of these steps, the next: minimum deviation's have half a pulse where one motor steps alone.
+    /// The time of these steps, the next: minimum deviation's have half a pulse where one
+    /// motor steps alone.
     fn pass_quarters(&mut self, steps: [i8; 2]) -> f64 {
         let is_half = matches!(self.rule, Rule::MinimumDeviation(_)) && steps.contains(&0);
         let quarters = if is_half { 2 } else { 4 };

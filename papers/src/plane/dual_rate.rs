@@ -27,8 +27,8 @@ fn check(periods: &DualRatePeriods) -> Result<(), PlaneError> {
     if periods.longest_ns < periods.shortest_ns { Err(PlaneError::PeriodsReversed) } else { Ok(()) }
 }
 
-/// True if the motor with fewer pulses would be slower than T_max while the other is at T_min: |A| : |B| is beyond
-/// T_max / T_min (the paper's eq. 8), or it does not turn at all.
+/// True if the motor with fewer pulses would be slower than T_max while the other is at T_min: |A|
+/// : |B| is beyond T_max / T_min (the paper's eq. 8), or it does not turn at all.
 pub(crate) fn is_dead_zone(periods: &DualRatePeriods, one: u32, other: u32) -> bool {
     let (more, fewer) = (one.max(other), one.min(other));
     // T_more = T_min, and |A| T_1 = |B| T_2.
@@ -60,11 +60,13 @@ impl DualRate {
     }
 }
 
-/// The pulses of two motors that start and end together, each at a constant period: |A| T_1 = |B| T_2.
+/// The pulses of two motors that start and end together, each at a constant
+/// period: |A| T_1 = |B| T_2.
 ///
-/// The motor with more pulses runs at T_min. Pulse k of N is due at (k - 1/2) D / N, with D the duration: the paper does
-/// not say where in its period a pulse is. In the middle, each motor is within half a pulse of the line at every instant;
-/// at the end, within one. Pulses due together are one event.
+/// The motor with more pulses runs at T_min. Pulse k of N is due at (k - 1/2) D / N, with D the
+/// duration: the paper does not say where in its period a pulse is. In the middle, each motor
+/// is within half a pulse of the line at every instant; at the end, within one. Pulses due
+/// together are one event.
 #[derive(Clone, Copy, Debug)]
 pub struct TwoRates {
     target: Target,
@@ -92,7 +94,8 @@ impl Iterator for TwoRates {
 
     fn next(&mut self) -> Option<[i8; 2]> {
         let [first, second] = self.target.magnitudes;
-        // The next pulse k of N is due at (2k - 1) / 2N of the duration; compared crosswise, without a division.
+        // The next pulse k of N is due at (2k - 1) / 2N of the duration; compared crosswise,
+        // without a division.
         let due = |made: u32, other: u32| (2 * u64::from(made) + 1) * u64::from(other);
         let (first_due, second_due) = (due(self.made[0], second), due(self.made[1], first));
         if self.made == [first, second] {
@@ -123,7 +126,8 @@ mod tests {
 
     #[test]
     fn the_worked_example() {
-        // Line from (11.3, -8.4) to (12.5, -8.7) in pulses of 0.01 mm: X = 120, Y = -30, so A = X + Y and B = X - Y.
+        // Line from (11.3, -8.4) to (12.5, -8.7) in pulses of 0.01 mm: X = 120, Y = -30, so A = X +
+        // Y and B = X - Y.
         let periods = periods_from_us(500.0, 2_500.0).unwrap();
         let line = two_rates(120 - 30, 120 + 30, &periods);
         assert_eq!(line.target.magnitudes, [90, 150]);
@@ -175,7 +179,8 @@ mod tests {
                 prop_assert!((a, b) != (0, 0));
                 made = [made[0] + i64::from(a), made[1] + i64::from(b)];
                 count += i64::from(a.abs()) + i64::from(b.abs());
-                // Half a pulse of each motor: |a B - b A| <= (|A| + |B|) / 2, so within one of either.
+                // Half a pulse of each motor: |a B - b A| <= (|A| + |B|) / 2, so
+                // within one of either.
                 let off = (made[0] * second - made[1] * first).abs();
                 prop_assert!(2 * off <= first.abs() + second.abs(), "{:?}", made);
                 prop_assert!(off <= first.abs().max(second.abs()));

@@ -10,8 +10,8 @@ use ferrostep_planner::square_root::square_root;
 pub struct LineFigures {
     /// True if each motor had its own rate.
     pub has_two_rates: bool,
-    /// Interpolation steps as the paper counts them: pulses along X, Y or a diagonal; under dual-rate those of the motor
-    /// that has more.
+    /// Interpolation steps as the paper counts them: pulses along X, Y or a diagonal; under
+    /// dual-rate those of the motor that has more.
     pub feeds: u64,
     /// Times at which a motor steps, or both.
     pub events: u64,
@@ -23,7 +23,8 @@ pub struct LineFigures {
     pub reversals: u64,
     /// Largest distance from the ideal line after an event, in pulses along X or Y.
     pub largest_distance: f64,
-    /// Mean distance from the ideal line over the line's time, the motors standing still between their steps, in pulses.
+    /// Mean distance from the ideal line over the line's time, the motors standing still between
+    /// their steps, in pulses.
     pub mean_distance: f64,
 }
 
@@ -109,7 +110,8 @@ mod tests {
 
     #[test]
     fn a_line_of_few_pulses_by_hand() {
-        // (2, 1) by x y x: F is -1, 1, 0 after the pulses, a third of the time each, and the distances |F| / sqrt(5).
+        // (2, 1) by x y x: F is -1, 1, 0 after the pulses, a third of the time each, and the
+        // distances |F| / sqrt(5).
         let line = figures(PlaneMethod::PointByPoint, 2, 1);
         assert_eq!((line.feeds, line.events, line.motor_steps, line.busiest_motor_steps), (3, 3, 6, 3));
         // B goes forwards, backwards, forwards.
@@ -145,17 +147,20 @@ mod tests {
             let (longer, shorter) = (x.abs().max(y.abs()) as f64, x.abs().min(y.abs()) as f64);
             let point = figures(PlaneMethod::PointByPoint, x, y);
             prop_assert!(point.largest_distance <= longer / length + 1e-9);
-            // Half a pulse across the longer axis, and after half a diagonal half of what that leads away.
+            // Half a pulse across the longer axis, and after half a diagonal half of what
+            // that leads away.
             let minimum = figures(PlaneMethod::MinimumDeviation, x, y);
             prop_assert!(minimum.largest_distance <= 0.5 * longer / length + 1e-9);
-            // Half a step of either motor, which is half a pulse along both axes: (|A| + |B|) / 4 over the length.
+            // Half a step of either motor, which is half a pulse along both axes: (|A| + |B|) / 4
+            // over the length.
             let dual = figures(PlaneMethod::DualRate, x, y);
             let bound = 0.5 * longer / length;
             prop_assert!(dual.largest_distance <= bound + 1e-9, "{} {}", dual.largest_distance, bound);
             for line in [point, minimum, dual] {
                 prop_assert!(line.mean_distance <= line.largest_distance);
             }
-            // The motors' pulses are the same number under all methods: none of them is faster than another.
+            // The motors' pulses are the same number under all methods: none of them is
+            // faster than another.
             let most = (longer + shorter) as u64;
             prop_assert_eq!([point, minimum, dual].map(|line| line.busiest_motor_steps), [most; 3]);
         }

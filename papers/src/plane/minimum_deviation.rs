@@ -9,8 +9,9 @@ use super::target::{PlaneError, Pulse, Target};
 /// - F >= 0: a diagonal pulse, F rises by 2 (b - a);
 /// - F < 0: a pulse along the longer axis, F rises by 2b.
 ///
-/// The rule is Bresenham's but for its ties: where the line passes the middle between two points, Wu 2024 (eq. 3) stays on
-/// the longer axis and this one goes diagonally. The points of one line are those of the other's walked backwards.
+/// The rule is Bresenham's but for its ties: where the line passes the middle between two points,
+/// Wu 2024 (eq. 3) stays on the longer axis and this one goes diagonally. The points of one line
+/// are those of the other's walked backwards.
 #[derive(Clone, Copy, Debug)]
 pub struct MinimumDeviation {
     target: Target,

@@ -14,7 +14,8 @@ pub(crate) struct MotorPulse {
     pub axes: u8,
     /// Motors of these that run backwards.
     pub backwards: u8,
-    /// True if the pulse is two of these steps: along a diagonal, a CoreXY machine moves by one motor alone.
+    /// True if the pulse is two of these steps: along a diagonal, a CoreXY machine moves by
+    /// one motor alone.
     pub twice: bool,
 }
 

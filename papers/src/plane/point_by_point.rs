@@ -4,16 +4,17 @@ use super::target::{PlaneError, Pulse, Target};
 
 /// A line by pulses along X or along Y.
 ///
-/// The paper's four beats a pulse: judge the deviation F, feed, compute it anew, test for the end. With (x, y) the
-/// pulses made and (X, Y) those of the whole line, both without their signs, F = X y - Y x: above zero the point is on
-/// Y's side of the line.
+/// The paper's four beats a pulse: judge the deviation F, feed, compute it anew, test for the end.
+/// With (x, y) the pulses made and (X, Y) those of the whole line, both without their signs, F = X
+/// y - Y x: above zero the point is on Y's side of the line.
 ///
 /// - F >= 0: a pulse along X, F falls by Y;
 /// - F < 0: a pulse along Y, F rises by X.
 ///
-/// F stays between -Y and X - 1, so the point is less than a pulse from the line. The end test counts pulses: after X + Y
-/// of them F is a multiple of X + Y, and in that range only 0 is, which is the target. Only where X = 0 the paper's rule
-/// goes wrong: F = 0 asks for a pulse along X at first, and F + X never rises again. F starts at -1 there.
+/// F stays between -Y and X - 1, so the point is less than a pulse from the line. The end test
+/// counts pulses: after X + Y of them F is a multiple of X + Y, and in that range only 0 is, which
+/// is the target. Only where X = 0 the paper's rule goes wrong: F = 0 asks for a pulse along X at
+/// first, and F + X never rises again. F starts at -1 there.
 #[derive(Clone, Copy, Debug)]
 pub struct PointByPoint {
     target: Target,

@@ -5,7 +5,8 @@ use ferrostep_planner::{Geometry, Kinematics, Limits, Planner, StepsPerMm};
 
 use crate::Papers;
 
-/// A planner that sees `blocks` ahead, of a machine that only its acceleration, mm/s^2, and Yu's delta, mm, limit.
+/// A planner that sees `blocks` ahead, of a machine that only its acceleration, mm/s^2, and Yu's
+/// delta, mm, limit.
 pub fn example_planner(
     acceleration_mm_per_s2: f64,
     deviation_mm: f64,

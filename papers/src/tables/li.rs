@@ -353,7 +353,8 @@ mod tests {
         assert!((of("experiment", 0, 1) - 0.3).abs() < 1e-9 && (of("experiment", 1, 1) - 30_000.0).abs() < 1e-6);
         assert!((of("experiment", 2, 1) - 3_300.0).abs() < 1e-6 && (of("experiment", 4, 1) - 3_300.0).abs() < 1.0);
         assert!((of("experiment", 5, 1) - 3_291.0).abs() < 0.5);
-        // A law for several moves is much faster on a circle and on a wave, and never faster than a trapezoid.
+        // A law for several moves is much faster on a circle and on a wave, and never faster
+        // than a trapezoid.
         for row in [1, 2] {
             assert!(of("gains", row, 6) > 10.0 && of("gains", row, 5) > of("gains", row, 1), "{row}");
         }

@@ -1,4 +1,5 @@
-//! Wu, Wang, Li: Research and optimization of multi-axis linkage interpolation algorithm for 3D printer, 2024.
+//! Wu, Wang, Li: Research and optimization of multi-axis linkage interpolation algorithm for
+//! 3D printer, 2024.
 
 mod extrusion;
 
@@ -9,7 +10,8 @@ use serde_json::Value;
 
 use super::chapter::{Cell, Chapter, Curve, Figure, Style, Table};
 
-/// The committed counts of instructions on the Cortex-M4, which `cargo xtask bench --save-baseline` makes.
+/// The committed counts of instructions on the Cortex-M4, which
+/// `cargo xtask bench --save-baseline` makes.
 const BASELINE: &str = include_str!("../../../xtask/bench-baseline.json");
 
 /// A line of tables 1 to 5.

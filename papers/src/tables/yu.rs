@@ -49,7 +49,8 @@ fn planned(places_mm: &[(f64, f64)], filament_mm: f64) -> Vec<PlannedBlock> {
 fn corner_speed_mm_per_s(angle: f64, length_mm: f64) -> f64 {
     let corner = (length_mm, 0.0);
     let end = (length_mm * (1.0 + angle.cos()), length_mm * angle.sin());
-    // A long way before and after, in line with the moves, so that nothing but the corner limits it.
+    // A long way before and after, in line with the moves, so that nothing but the
+    // corner limits it.
     let turned = (end.0 + 100.0 * angle.cos(), end.1 + 100.0 * angle.sin());
     let blocks = planned(&[(-100.0, 0.0), (0.0, 0.0), corner, end, turned], 0.0);
     // Moves in line become one block: the corner is the change of direction.
@@ -119,7 +120,8 @@ fn zigzag() -> Vec<(f64, f64)> {
 
 fn chain() -> Table {
     let blocks = planned(&zigzag(), 0.0);
-    // Row of each block, read backwards from the last: v_s^2 = v_e^2 + 2 a s, with look-ahead's v_e.
+    // Row of each block, read backwards from the last: v_s^2 = v_e^2 + 2 a s, with
+    // look-ahead's v_e.
     let rows = blocks
         .iter()
         .map(|planned| {

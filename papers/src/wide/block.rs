@@ -15,7 +15,8 @@ pub struct PreparedBlock {
     pub entry: Speed,
     /// The most that the corner before it allows.
     pub max_entry: Speed,
-    /// The last stretch of the block before, for the corner between them; `None` at the start of a job.
+    /// The last stretch of the block before, for the corner between them; `None` at
+    /// the start of a job.
     pub before: Option<Block>,
 }
 
@@ -75,8 +76,8 @@ impl Request for BlockRequest<'_> {
     }
 }
 
-/// Request to make a position exact, units of 10 nm, since blocks give it to a motor step only. The planner's position
-/// is unchanged if the motors are elsewhere.
+/// Request to make a position exact, units of 10 nm, since blocks give it to a motor step only. The
+/// planner's position is unchanged if the motors are elsewhere.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ExactPosition(pub [i64; 3]);
 

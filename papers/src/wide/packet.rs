@@ -1,7 +1,7 @@
 //! The packets, byte by byte.
 //!
-//! After the header come packets without gaps, each framed by a start code and an end code, all numbers u32,
-//! little-endian. A *line trajectory* has 84 bytes:
+//! After the header come packets without gaps, each framed by a start code and an end code, all
+//! numbers u32, little-endian. A *line trajectory* has 84 bytes:
 //!
 //! | byte | value | unit here |
 //! |---|---|---|
@@ -20,11 +20,11 @@
 //! | 76 | 19 AccelerationSt | step events/s^2 |
 //! | 80 | end code, [`TRAJECTORY_END`] | |
 //!
-//! Values 5 to 7 and 14 to 19 follow from the others; a board that steps by them needs no arithmetic. Ferrostep
-//! computes its steps from the integers of the block, which are the others.
+//! Values 5 to 7 and 14 to 19 follow from the others; a board that steps by them needs no
+//! arithmetic. Ferrostep computes its steps from the integers of the block, which are the others.
 //!
-//! A *status or auxiliary command* has 12 bytes: start code [`STATUS_START`], a kind (byte 4) and three further bytes,
-//! end code [`STATUS_END`]:
+//! A *status or auxiliary command* has 12 bytes: start code [`STATUS_START`], a kind (byte 4) and
+//! three further bytes, end code [`STATUS_END`]:
 //!
 //! | kind | bytes 5 to 7 |
 //! |---|---|
@@ -98,14 +98,16 @@ pub struct Trajectory {
 pub enum Status {
     /// The source line of what comes next.
     Line(u32),
-    /// A move, or a part of an arc, ends inside the next trajectory. Its steps and its filament follow.
+    /// A move, or a part of an arc, ends inside the next trajectory. Its steps and its
+    /// filament follow.
     InnerEnd {
         /// Path position from the trajectory's start, units of 10 nm.
         length_10nm: u16,
         /// Lines from it to the trajectory's.
         lines_before: u8,
     },
-    /// Signed steps of X, Y and Z (CoreXY: A, B, Z) that lead to the inner end before this, from the one before it.
+    /// Signed steps of X, Y and Z (CoreXY: A, B, Z) that lead to the inner end before this, from
+    /// the one before it.
     InnerSteps([i8; 3]),
     /// Rest of an inner end: its filament, and the end of a move.
     InnerExtruder {

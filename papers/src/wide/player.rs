@@ -7,8 +7,8 @@ use ferrostep_printer::{CommandError, OtherMotion, Ports, PreparedPlace, Printer
 use super::block::{BlockRequest, ExactPosition, PreparedBlock};
 use super::step_limits::StepSizes;
 
-/// E of the G-code as the blocks push it. The packets say it as well, from time to time; if the job is refused, the
-/// motors count.
+/// E of the G-code as the blocks push it. The packets say it as well, from time to time; if the job
+/// is refused, the motors count.
 #[derive(Clone, Copy, Debug)]
 struct PushedExtruder {
     extruder_10nm: i64,
@@ -36,7 +36,8 @@ pub struct PacketPlayer {
 }
 
 impl PacketPlayer {
-    /// Player for a job that begins at this E of the G-code, units of 10 nm, on a machine of this profile.
+    /// Player for a job that begins at this E of the G-code, units of 10 nm, on a machine
+    /// of this profile.
     pub fn new(profile: &Profile, extruder_10nm: i64) -> Self {
         let geometry = profile.geometry();
         Self {
@@ -92,8 +93,8 @@ impl PacketPlayer {
         Ok(())
     }
 
-    /// Sets E to the filament that the blocks have pushed, after the job was refused or stopped and before
-    /// [`Printer::abandon_prepared`].
+    /// Sets E to the filament that the blocks have pushed, after the job was refused or stopped and
+    /// before [`Printer::abandon_prepared`].
     pub fn settle_extruder<P: Ports>(mut self, printer: &mut Printer<'_, P>) {
         self.follow_commands(printer);
         printer.set_prepared_extruder(self.pushed.extruder_10nm);

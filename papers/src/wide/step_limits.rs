@@ -1,8 +1,10 @@
-//! The limits of blocks that come without the positions they were made from, as far as their steps tell them.
+//! The limits of blocks that come without the positions they were made from, as far as their
+//! steps tell them.
 //!
-//! A motor is within half a step of its exact position, so a block's travel along an axis is known to the steps of the
-//! motors that move it (half a step of each of two on CoreXY and CoreXZ, whose motors may have steps of different
-//! lengths). By that much the checks give way, and by rounding in single precision.
+//! A motor is within half a step of its exact position, so a block's travel along an axis is known
+//! to the steps of the motors that move it (half a step of each of two on CoreXY and CoreXZ, whose
+//! motors may have steps of different lengths). By that much the checks give way, and by rounding
+//! in single precision.
 
 use ferrostep_planner::inner_ends::InnerEnds;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
@@ -97,7 +99,8 @@ impl<'a> StepLimits<'a> {
         [x, y, z, filament]
     }
 
-    /// True if a block's nominal speed and acceleration keep the limits of all axes, and its events their distance.
+    /// True if a block's nominal speed and acceleration keep the limits of all axes, and its
+    /// events their distance.
     pub fn are_kept(&self, block: &Block) -> bool {
         let mm = self.travels_mm(block);
         let length = block.length_10nm as f32 / UNITS_PER_MM as f32;
@@ -122,9 +125,9 @@ impl<'a> StepLimits<'a> {
         feed * shortest_ticks <= block.length_10nm as f32 * TICKS_PER_10NM_AT_1_MM_PER_S * TOLERANCE
     }
 
-    /// The most that the corner before a block allows, by its steps and those of the block before: v^2 = a R as for any
-    /// corner (Yu 2019), the turn as small as half a step at each end can make it look. A stop next to a block of the
-    /// filament alone.
+    /// The most that the corner before a block allows, by its steps and those of the block before:
+    /// v^2 = a R as for any corner (Yu 2019), the turn as small as half a step at each end can make
+    /// it look. A stop next to a block of the filament alone.
     pub fn corner(&self, before: Option<&Block>, block: &Block) -> Speed {
         let Some(before) = before else { return Speed(u32::MAX) };
         let lengths = [before, block].map(|block| block.length_10nm as f32 / UNITS_PER_MM as f32);
@@ -132,8 +135,8 @@ impl<'a> StepLimits<'a> {
         let stands = [before, block].map(|block| block.steps == [0; 3]);
         let [x, y, z, _] = self.sizes.step_mm;
         for (length, stands) in lengths.into_iter().zip(stands) {
-            // A path without a step is shorter than a step of each of its motors: a longer one is of the filament alone. A
-            // shorter one may be either.
+            // A path without a step is shorter than a step of each of its motors: a longer one is
+            // of the filament alone. A shorter one may be either.
             if stands && length > (x + y + z) * TOLERANCE {
                 return Speed::ZERO;
             }

@@ -49,7 +49,8 @@ impl PacketWriter {
         self.line = line;
     }
 
-    /// Writes where the machine is, if that is new, and not in the middle of a block: that is executed as a whole.
+    /// Writes where the machine is, if that is new, and not in the middle of a block: that is
+    /// executed as a whole.
     fn write_place(&mut self, bytes: &mut Vec<u8>) {
         if self.written == self.place || self.joined > 0 {
             return;
@@ -65,8 +66,8 @@ impl PacketWriter {
         }
     }
 
-    /// Takes a block, of which [`Self::take_item`] has taken the first move. `bound` is the most that the corner before it
-    /// allows; `joined` moves of the block are still to come.
+    /// Takes a block, of which [`Self::take_item`] has taken the first move. `bound` is the most
+    /// that the corner before it allows; `joined` moves of the block are still to come.
     pub fn take_block(&mut self, planned: &PlannedBlock, bound: SquaredSpeed, joined: usize, bytes: &mut Vec<u8>) {
         self.joined = joined;
         self.begin_line(planned.block.line, bytes);
@@ -81,7 +82,8 @@ impl PacketWriter {
         self.put(Packet::Trajectory(trajectory(planned, bound)), bytes);
     }
 
-    /// Takes the next item of the job. A move that begins a block is followed by [`Self::take_block`].
+    /// Takes the next item of the job. A move that begins a block is followed by
+    /// [`Self::take_block`].
     pub fn take_item(&mut self, item: &Item<'_>, bytes: &mut Vec<u8>) {
         match *item {
             Item::Move(item) => self.take_move(item),
@@ -118,8 +120,8 @@ impl PacketWriter {
         }
     }
 
-    /// Takes note of changed settings, and perhaps of a changed position. A reader's machine knows by itself what a
-    /// command has done to it.
+    /// Takes note of changed settings, and perhaps of a changed position. A reader's machine knows
+    /// by itself what a command has done to it.
     pub fn set_modal(&mut self, modal: &ModalState, position_10nm: [i64; 3]) {
         self.flow_percent = i64::from(modal.flow_percent.max(1));
         let (lift_10nm, extruder_10nm) = (modal.lift_10nm, modal.extruder_10nm);

@@ -13,7 +13,8 @@ use crate::motion::machine::{
 use crate::motion::moves::moves;
 use crate::motion::player::Player;
 
-/// Steps of each motor in a block, both directions, that begins with the extruder here, 1/256 steps: it may turn round inside.
+/// Steps of each motor in a block, both directions, that begins with the extruder here, 1/256
+/// steps: it may turn round inside.
 fn issued(planned: &PlannedBlock, mut filament: i64) -> [i64; 4] {
     let mut issued = [0; 4];
     for stretch in Stretches::of(&planned.block) {
@@ -26,8 +27,8 @@ fn issued(planned: &PlannedBlock, mut filament: i64) -> [i64; 4] {
     issued
 }
 
-/// Position of each motor by the law after a share of a block, and the number of steps it would have in all of the
-/// block's length at the highest density.
+/// Position of each motor by the law after a share of a block, and the number of steps it would
+/// have in all of the block's length at the highest density.
 fn ideals(planned: &PlannedBlock, from: [f64; 4], share: f64) -> [(f64, f64); 4] {
     let whole = f64::from(planned.block.length_10nm);
     let mut ideals = from.map(|from| (from, 0.0f64));
@@ -73,7 +74,8 @@ proptest! {
             let filament_end = filament + i64::from(planned.block.extruder_256ths);
             let mut left = issued(&planned, filament);
             let fastest = planned.block.nominal.mm_per_s() / law.length;
-            // The last events of a block may be late by the minimum interval, where the next begins.
+            // The last events of a block may be late by the minimum interval, where
+            // the next begins.
             let latest = end_tick + 2 * u64::from(MINIMUM_INTERVAL);
             while let Some(event) = events.next_if(|event| left != [0; 4] && event.tick <= latest) {
                 let check = |motors: &[i64; 4], tick: u64| -> Result<(), TestCaseError> {
@@ -83,7 +85,8 @@ proptest! {
                     let ideals = ideals(&planned, from, share);
                     for motor in 0..4 {
                         let (ideal, densest) = ideals[motor];
-                        // An event that joins another, or keeps its distance from one, is up to two intervals off.
+                        // An event that joins another, or keeps its distance from one, is up to
+                        // two intervals off.
                         let joined = densest * fastest * 2.0 * f64::from(MINIMUM_INTERVAL) / f64::from(TICKS_PER_SECOND);
                         let off = (motors[motor] as f64 - ideal).abs();
                         prop_assert!(off <= 1.0 + 1e-3 + joined, "motor {} is {} off", motor, off);

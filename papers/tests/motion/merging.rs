@@ -9,7 +9,8 @@ use crate::motion::machine::{MINIMUM_INTERVAL, advance, blocks, cartesian, machi
 use crate::motion::moves::{request, short_moves};
 use crate::motion::player::Player;
 
-/// A job and its plan, with a fan change after each move that keeps it from merging with the next, or without.
+/// A job and its plan, with a fan change after each move that keeps it from merging with the
+/// next, or without.
 fn plan(geometry: Geometry, moves: &[Move], apart: bool) -> (Planner<Vec<Slot>, Papers>, Player) {
     let mut planner = planner(geometry, &MotionChoice::DEFAULT, 1_000);
     let mut player = Player::default();
@@ -41,8 +42,8 @@ proptest! {
         for (&(tick, line), &(expected_tick, expected_line)) in ends.iter().zip(&expected) {
             prop_assert_eq!(line, expected_line);
             prop_assert_eq!(count(&merged, tick), count(&apart, expected_tick), "line {}", line);
-            // A speed is cut to 2^-16 mm/s and a duration rounded to a tick at each end of a block; an event that
-            // keeps its distance may put an end off.
+            // A speed is cut to 2^-16 mm/s and a duration rounded to a tick at each end of a block;
+            // an event that keeps its distance may put an end off.
             let slack = 1e-6 * tick as f64 + 4.0 * f64::from(MINIMUM_INTERVAL) + 200.0;
             prop_assert!((tick as f64 - expected_tick as f64).abs() < slack, "{} {} {}", line, tick, expected_tick);
         }

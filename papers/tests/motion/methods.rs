@@ -37,7 +37,8 @@ fn moves() -> impl Strategy<Value = Vec<Move>> {
     moves_up_to(2_000_000, 30)
 }
 
-/// Moves that each end at their line, and are blocks each; moves that displace nothing are left out.
+/// Moves that each end at their line, and are blocks each; moves that displace
+/// nothing are left out.
 fn ended(moves: impl Strategy<Value = Vec<Move>>) -> impl Strategy<Value = Vec<Move>> {
     moves.prop_map(|mut moves| {
         let mut position = [0; 3];
@@ -58,13 +59,15 @@ fn half_pulses(kinematics: Kinematics, [first, second]: [f64; 2]) -> [f64; 2] {
     }
 }
 
-/// Largest distance of X and Y from the block's line, and from their place along it by its law, in pulses.
+/// Largest distance of X and Y from the block's line, and from their place along it by
+/// its law, in pulses.
 ///
-/// Across, point-by-point is off by less than a pulse and minimum deviation by half a one. Along, a point with k of N pulses
-/// is beside the line's point k of N: with e pulses too many along one axis and too few along the other that is e (X - Y)/S,
-/// e < max(X, Y)/(X + Y), so less than 1; with e <= 1/2 along the shorter axis alone at most 1/2 sin 45. Half a part more,
-/// as pulses are in the middle of theirs: S/2N, at most 1/2 and 1/2 sqrt 2. The line that leads to an odd step at the end is
-/// off by what that step will mend: sqrt 2 / 2 along, and across sin 45 of it.
+/// Across, point-by-point is off by less than a pulse and minimum deviation by half a one. Along, a
+/// point with k of N pulses is beside the line's point k of N: with e pulses too many along one
+/// axis and too few along the other that is e (X - Y)/S, e < max(X, Y)/(X + Y), so less than 1;
+/// with e <= 1/2 along the shorter axis alone at most 1/2 sin 45. Half a part more, as pulses are
+/// in the middle of theirs: S/2N, at most 1/2 and 1/2 sqrt 2. The line that leads to an odd step at
+/// the end is off by what that step will mend: sqrt 2 / 2 along, and across sin 45 of it.
 fn plane_bounds(method: Interpolation, odd: bool) -> (f64, f64) {
     let (across, along) = if method == Interpolation::PointByPoint { (1.0, 1.5) } else { (0.5, 0.354 + 0.708) };
     if odd { (across + 0.5, along + 0.708) } else { (across, along) }
@@ -217,7 +220,8 @@ proptest! {
 
     #[test]
     fn classic_bresenham_makes_the_default_s_steps(machine in machines(), moves in moves()) {
-        // Each move is a separate block with both; only the times of stairs differ, by up to 32 ticks.
+        // Each move is a separate block with both; only the times of stairs differ,
+        // by up to 32 ticks.
         let apart: Vec<_> = moves.iter().map(|each| Move { filament_100pm: 0, ..*each }).collect();
         let classic = play(machine, &choice(Interpolation::Bresenham, true), 24, &apart, || 0);
         let mut planner = planner(machine, &MotionChoice::DEFAULT, 1_000);
@@ -255,7 +259,8 @@ fn blocks_with_little_or_nothing_in_them() {
         let machine = geometry(kinematics, [80.0, 80.0, 400.0, 95.0]);
         for method in METHODS {
             let choice = choice(method, true);
-            // Z alone, the filament alone, both, less than a step, a step of one motor, nothing in X and Y but a step of Z.
+            // Z alone, the filament alone, both, less than a step, a step of one motor, nothing in
+            // X and Y but a step of Z.
             for (target, filament, steps) in [
                 ([0, 0, 10_000], 0, [0, 0, 40, 0]),
                 ([0, 0, 0], 10_000_000, [0, 0, 0, 95]),

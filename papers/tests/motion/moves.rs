@@ -37,7 +37,8 @@ pub fn moves() -> impl Strategy<Value = Vec<Move>> {
     moves_up_to(8_000_000, 40)
 }
 
-/// Short moves that continue nearly in the direction of the previous ones, some of them in units that suit the motors.
+/// Short moves that continue nearly in the direction of the previous ones, some of them in units
+/// that suit the motors.
 pub fn short_moves() -> impl Strategy<Value = Vec<Move>> {
     let one = (prop_oneof![Just(5_000i64), Just(1_250), 1_000i64..20_000], -3i64..=3, any::<u8>(), any::<bool>());
     let directions = (0usize..6, prop_oneof![Just(0i64), 1i64..100], 10.0f32..100.0);

@@ -2,8 +2,8 @@
 
 /// Equally spaced steps at a constant acceleration.
 ///
-/// The squared speed at the step of index k is `slow` + k `gain`; from one step to the next it takes `dividend` divided
-/// by the sum of the speeds there.
+/// The squared speed at the step of index k is `slow` + k `gain`; from one step to the next it
+/// takes `dividend` divided by the sum of the speeds there.
 // Fixed order: the assembly below loads all, and stores the first three.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
@@ -32,17 +32,20 @@ impl Ramp {
         Self { index, speed, interval_and_half: 0.0, direction, slow, gain, dividend, half: 0.5 }
     }
 
-    /// Advances to the next step; returns how long that takes, the nearest whole number, cut to 32 bits.
+    /// Advances to the next step; returns how long that takes, the nearest whole
+    /// number, cut to 32 bits.
     #[cfg(all(target_arch = "arm", target_os = "none", target_abi = "eabihf"))]
     #[inline(always)]
     pub fn advance(&mut self) -> u32 {
         let interval: u32;
-        // The compiler takes a call of C's function for one that may be made, round which it keeps little in registers.
-        // SAFETY: the block loads the eight floats that the pointer points to and stores the first three, as the layout
-        // of C has them; the exclusive reference rules out other uses meanwhile. It uses no other memory and no stack,
-        // and the flags of the core stay. The target's ABI (hard float) says that the floating-point unit is there and
-        // on. All registers that are overwritten are declared. VMLA rounds the product before it adds, as the code for
-        // other targets does; VCVT cuts and saturates, as a cast does.
+        // The compiler takes a call of C's function for one that may be made, round which it keeps
+        // little in registers.
+        // SAFETY: the block loads the eight floats that the pointer points to and stores the first
+        // three, as the layout of C has them; the exclusive reference rules out other uses
+        // meanwhile. It uses no other memory and no stack, and the flags of the core stay. The
+        // target's ABI (hard float) says that the floating-point unit is there and on. All
+        // registers that are overwritten are declared. VMLA rounds the product before it adds, as
+        // the code for other targets does; VCVT cuts and saturates, as a cast does.
         unsafe {
             core::arch::asm!(
                 "vldmia {ramp}, {{s0-s7}}",
@@ -66,7 +69,8 @@ impl Ramp {
         interval
     }
 
-    /// Advances to the next step; returns how long that takes, the nearest whole number, cut to 32 bits.
+    /// Advances to the next step; returns how long that takes, the nearest whole
+    /// number, cut to 32 bits.
     #[cfg(not(all(target_arch = "arm", target_os = "none", target_abi = "eabihf")))]
     #[inline(always)]
     pub fn advance(&mut self) -> u32 {
@@ -84,8 +88,8 @@ mod tests {
 
     #[test]
     fn a_ramp_takes_the_same_time_up_and_down() {
-        // Ramp from standstill at an acceleration of 2^-10 steps a tick each tick, in ticks: sqrt(2 k / a) = 45.25
-        // sqrt(k).
+        // Ramp from standstill at an acceleration of 2^-10 steps a tick each tick, in ticks: sqrt(2
+        // k / a) = 45.25 sqrt(k).
         let gain = 2.0 / 1024.0;
         let mut up = Ramp::new([0.0, 1.0], 0.0, [0.0, gain], 2.0);
         let intervals = [(); 100].map(|()| up.advance());

@@ -1,16 +1,16 @@
 //! The square root itself.
 
 #[cfg(all(target_arch = "arm", target_os = "none", target_abi = "eabihf"))]
-// SAFETY: C's sqrtf takes and returns a float, and any float will do. Without an operating system it is that of the
-// `compiler_builtins` crate, which is in every program.
+// SAFETY: C's sqrtf takes and returns a float, and any float will do. Without an operating system
+// it is that of the `compiler_builtins` crate, which is in every program.
 unsafe extern "C" {
     safe fn sqrtf(x: f32) -> f32;
 }
 
 /// Square root of `x`; NaN below zero.
 ///
-/// The compiler knows the function of C: it puts in the instruction, and calls only where that has given NaN. An `asm!`
-/// block would take core registers only, and two moves each way.
+/// The compiler knows the function of C: it puts in the instruction, and calls only where that has
+/// given NaN. An `asm!` block would take core registers only, and two moves each way.
 #[cfg(all(target_arch = "arm", target_os = "none", target_abi = "eabihf"))]
 #[inline]
 pub fn square_root(x: f32) -> f32 {
@@ -28,8 +28,8 @@ pub fn square_root(x: f32) -> f32 {
 mod tests {
     use super::square_root;
 
-    /// Correctly rounded: no neighbour is nearer. Products of two f32 are exact in f64, and of two half-way points
-    /// too (25 bits each).
+    /// Correctly rounded: no neighbour is nearer. Products of two f32 are exact in f64, and of two
+    /// half-way points too (25 bits each).
     fn is_nearest(x: f32, root: f32) -> bool {
         let below = (f64::from(root) + f64::from(root.next_down())) / 2.0;
         let above = (f64::from(root) + f64::from(root.next_up())) / 2.0;

@@ -1,7 +1,7 @@
 //! The last steps at which a motor turned or took up play, for the case that they never happen.
 
-/// Steps remembered. The step queue seldom holds more; if a stop drops more, the oldest count as made, and the position
-/// is wrong by these steps, at most by the play.
+/// Steps remembered. The step queue seldom holds more; if a stop drops more, the oldest count as
+/// made, and the position is wrong by these steps, at most by the play.
 const MANY: usize = 64;
 
 /// Kind of a remembered step.
@@ -43,7 +43,8 @@ impl Changes {
         self.count = self.count.wrapping_add(1);
     }
 
-    /// Takes the last one that has not happened, of motors that have made these steps; forgets those after it.
+    /// Takes the last one that has not happened, of motors that have made these steps;
+    /// forgets those after it.
     pub(super) fn take_undone(&mut self, made: [u32; 3]) -> Option<(usize, Change)> {
         for _ in 0..MANY {
             self.count = self.count.wrapping_sub(1);

@@ -17,7 +17,8 @@ const XY: u8 = 0b11;
 /// Index of Z.
 const Z: usize = 2;
 
-/// A motor takes up play at most at this part of its axis' highest speed, since it gets that speed with one step.
+/// A motor takes up play at most at this part of its axis' highest speed, since it gets that
+/// speed with one step.
 const PART_OF_SPEED: f32 = 0.25;
 
 /// A motor and its play.
@@ -77,7 +78,8 @@ pub struct BacklashStage {
     geometry: Geometry,
     drives: [Drive; 3],
     is_on: bool,
-    /// The direction signals by the plan, and as they are: a motor that still takes up play turns with its next step.
+    /// The direction signals by the plan, and as they are: a motor that still takes up play turns
+    /// with its next step.
     planned: u8,
     actual: u8,
     /// The motors go towards a sensor.
@@ -251,8 +253,8 @@ impl BacklashStage {
         drives.filter(|(drive, _)| drive.play > 0 && drive.is_behind()).fold(0, |mask, (_, motor)| mask | 1 << motor)
     }
 
-    /// True if a motor takes up play as fast as it may: while seeking a sensor, and Z while it moves alone, so that a
-    /// line begins at its height.
+    /// True if a motor takes up play as fast as it may: while seeking a sensor, and Z while it
+    /// moves alone, so that a line begins at its height.
     fn is_at_once(&self, motor: usize) -> bool {
         self.seeks || motor == Z && self.z_moves_alone
     }
@@ -262,8 +264,8 @@ impl BacklashStage {
         way(self.planned, motor)
     }
 
-    /// Number of an entry's next `left` events that can pass unchanged: in none of them does a motor turn or take up
-    /// play.
+    /// Number of an entry's next `left` events that can pass unchanged: in none of them does a
+    /// motor turn or take up play.
     #[inline(never)]
     fn sure_events(&self, interval_ticks: u32, axes: u8, added: u8, left: u16) -> u16 {
         let mut sure = left;
@@ -343,8 +345,8 @@ impl BacklashStage {
         self.turn(axes);
         self.turn_to(self.actual ^ (self.actual ^ self.planned) & axes, out);
         let (mut interval_ticks, beside) = (interval_ticks, self.due(interval_ticks) & !axes);
-        // A motor that steps in this event has its other step in the middle of the time before. Without room for one there, it is left
-        // to a later event.
+        // A motor that steps in this event has its other step in the middle of the time before.
+        // Without room for one there, it is left to a later event.
         let half = interval_ticks / 2;
         let has_room = half >= self.geometry.minimum_event_interval_ticks.max(1);
         let early = if has_room { self.due(half) & axes } else { 0 };
@@ -385,7 +387,8 @@ impl BacklashStage {
     fn due(&self, ticks: u32) -> u8 {
         let mut due = 0;
         for (motor, drive) in self.drives.iter().enumerate() {
-            // The signal of a motor without play may already have changed, before its first step in the new direction.
+            // The signal of a motor without play may already have changed, before its first step in
+            // the new direction.
             if drive.is_due(ticks, self.is_at_once(motor)) && way(self.actual, motor) == drive.side {
                 due |= 1 << motor;
             }

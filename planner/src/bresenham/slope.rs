@@ -72,14 +72,15 @@ impl Slope {
         self.minor
     }
 
-    /// True if the minor axis joins more than half of the major axis's steps. Stairs are then runs of steps of both
-    /// axes, each ended by one of the major axis alone.
+    /// True if the minor axis joins more than half of the major axis's steps. Stairs are then runs
+    /// of steps of both axes, each ended by one of the major axis alone.
     #[inline(always)]
     pub const fn is_steep(self) -> bool {
         self.minor > self.major.wrapping_sub(self.minor)
     }
 
-    /// The line's stairs as those of a slope of at most 1/2: how often the rarer kind of step comes.
+    /// The line's stairs as those of a slope of at most 1/2: how often the rarer
+    /// kind of step comes.
     #[inline(always)]
     pub const fn rarer(self) -> i32 {
         if self.is_steep() { self.major.wrapping_sub(self.minor) } else { self.minor }
@@ -87,10 +88,11 @@ impl Slope {
 
     /// First decision value of stairs, before the first step.
     ///
-    /// Classic Bresenham steps the minor axis where d > 0. Of the complement, whose steps are those that the minor axis
-    /// does not join, all decision values are the negative ones: with dy' = dx - dy,
-    /// d'_1 = 2 dy' - dx = -(2 dy - dx) = -d_1, and both sums change by opposite amounts. It steps where d <= 0, which is
-    /// d' >= 0, in integers d' + 1 > 0: the complement's decision values are 1 more.
+    /// Classic Bresenham steps the minor axis where d > 0. Of the complement, whose steps are those
+    /// that the minor axis does not join, all decision values are the negative ones: with dy' =
+    /// dx - dy, d'_1 = 2 dy' - dx = -(2 dy - dx) = -d_1, and both sums change by opposite amounts.
+    /// It steps where d <= 0, which is d' >= 0, in integers d' + 1 > 0: the complement's decision
+    /// values are 1 more.
     #[inline(always)]
     pub const fn start(self) -> i32 {
         if self.is_steep() { 1i32.wrapping_sub(self.major) } else { self.major.wrapping_neg() }

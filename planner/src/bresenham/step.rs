@@ -16,7 +16,8 @@ pub struct StepBresenham {
 }
 
 impl StepBresenham {
-    /// The line of `major` by `minor` steps; `None` unless `minor <= major <=` [`super::MAX_STEPS`].
+    /// The line of `major` by `minor` steps; `None` unless `minor <= major <=`
+    /// [`super::MAX_STEPS`].
     pub const fn new(major: u32, minor: u32) -> Option<Self> {
         match Slope::new(major, minor) {
             Ok(slope) => Some(Self { rise: 2 * slope.dy(), fall: 2 * slope.dx(), decision: -slope.dx() }),
@@ -29,8 +30,8 @@ impl StepBresenham {
         Self { rise: 0, fall: 0, decision: 0 }
     }
 
-    /// Major-axis steps left in the present stair, up to and including the next one with a minor-axis step; out of
-    /// reach after the last.
+    /// Major-axis steps left in the present stair, up to and including the next one with a
+    /// minor-axis step; out of reach after the last.
     #[inline]
     pub const fn width(&self) -> u32 {
         if self.rise == 0 {
@@ -40,8 +41,8 @@ impl StepBresenham {
         (self.decision.wrapping_neg() as u32 / self.rise as u32).wrapping_add(1)
     }
 
-    /// Passes `count` major-axis steps, at most [`Self::width`]; returns true if the minor axis steps with the last of
-    /// them.
+    /// Passes `count` major-axis steps, at most [`Self::width`]; returns true if the minor axis
+    /// steps with the last of them.
     #[inline(always)]
     pub const fn pass(&mut self, count: u32) -> bool {
         // The sum is at most `rise`, which fits, as `count` is at most the width.
@@ -53,8 +54,9 @@ impl StepBresenham {
         steps
     }
 
-    /// Major-axis steps, one after the other from the next on, with each of which the minor axis steps; out of reach where
-    /// it does with all. The complement of a stair: on a line steeper than 1/2 these are most.
+    /// Major-axis steps, one after the other from the next on, with each of which the minor axis
+    /// steps; out of reach where it does with all. The complement of a stair: on a line steeper
+    /// than 1/2 these are most.
     #[inline]
     pub const fn diagonal(&self) -> u32 {
         let above = self.decision.wrapping_add(self.rise);

@@ -1,5 +1,6 @@
-//! Steps one after the other, with what changes kept in registers: what most instructions of a print are spent on. All of
-//! this file follows R1, R2 and R6 of the performance rules (docs/src/performance.md).
+//! Steps one after the other, with what changes kept in registers: what most instructions of a
+//! print are spent on. All of this file follows R1, R2 and R6 of the performance rules
+//! (docs/src/performance.md).
 
 use super::{FAR, Interpolator, MOVE_BEGINS, ONE_TICK};
 use crate::extruder_gap::{ExtruderGap, Look};
@@ -17,17 +18,18 @@ const FARTHEST: u32 = STAIR_TOLERANCE + 1;
 /// Bits of a cruise's interval beyond its time units.
 const BITS_BEYOND: u32 = 16;
 
-/// Time units from an event, a whole tick, to when the next one is due, half a tick included: in 32 bits, for all but slow
-/// steps, or as many as it takes.
+/// Time units from an event, a whole tick, to when the next one is due, half a tick included: in 32
+/// bits, for all but slow steps, or as many as it takes.
 pub(super) trait Gap: Copy {
     /// True if it can hold a step after this many time units plus less than a tick.
     fn holds(units: u64) -> bool;
 
-    /// Takes a step this far after the last event. Returns how far the next one is after it, and whether
-    /// the interval holds that.
+    /// Takes a step this far after the last event. Returns how far the next one is after it, and
+    /// whether the interval holds that.
     fn behind(self, run: &mut HotRamp) -> (Self, bool);
 
-    /// Fraction of a tick left over by the last step taken; `self` is what [`Self::behind`] returned.
+    /// Fraction of a tick left over by the last step taken; `self` is what
+    /// [`Self::behind`] returned.
     fn left_over(self, run: &HotRamp) -> u64;
 
     /// The gap in time units.
@@ -102,9 +104,10 @@ impl Gap for u64 {
 }
 
 impl<M: MotionMethods> Interpolator<M> {
-    /// Makes the master's steps in a ramp, and the extruder's between them, as long as none is too near to another: at
-    /// most `most` events, the master's first step `gap` time units after the last event, half a tick included. Returns
-    /// how many events there are, and whether anything has happened.
+    /// Makes the master's steps in a ramp, and the extruder's between them, as long as none is
+    /// too near to another: at most `most` events, the master's first step `gap` time units after
+    /// the last event, half a tick included. Returns how many events there are, and whether
+    /// anything has happened.
     #[inline(never)]
     pub(super) fn make_ramp<G: Gap>(&mut self, mut gap: G, most: usize) -> (usize, bool) {
         let Some((mut run, steps)) = self.master.hot_ramp() else { return (0, false) };
@@ -120,7 +123,8 @@ impl<M: MotionMethods> Interpolator<M> {
         let mut line = first.line();
         let mut events = 0;
         loop {
-            // Only as many places as the master's steps will take: no other events are counted here.
+            // Only as many places as the master's steps will take: no other events
+            // are counted here.
             let steps_left = steps.saturating_sub(events - between.steps);
             let rest = places.get_mut(events..).unwrap_or_default();
             let here = rest.len().min(steps_left);
@@ -168,12 +172,12 @@ impl<M: MotionMethods> Interpolator<M> {
         (events, between.has_joined)
     }
 
-    /// Makes the steps of a cruise, of which `left` are left, with stairs: of steps that no follower takes part in but
-    /// perhaps the last, or of steps that the first one takes part in. Returns how many entries there are, and whether
-    /// anything has happened.
+    /// Makes the steps of a cruise, of which `left` are left, with stairs: of steps that no
+    /// follower takes part in but perhaps the last, or of steps that the first one takes part in.
+    /// Returns how many entries there are, and whether anything has happened.
     ///
-    /// Wu 2024; the second kind is the stairs' complement. All of a stair's steps are about where they are due, and no
-    /// step of the extruder comes before the last.
+    /// Wu 2024; the second kind is the stairs' complement. All of a stair's steps are about where
+    /// they are due, and no step of the extruder comes before the last.
     #[inline(never)]
     pub(super) fn make_cruise(&mut self, cruise: EvenSteps, mut left: u32, gap: u64, most: usize) -> (usize, bool) {
         if cruise.interval >= FAR {
@@ -186,13 +190,14 @@ impl<M: MotionMethods> Interpolator<M> {
         let mut between = ExtruderGap::new(&self.extruder, self.last, waits, self.near, self.minimum_interval);
         let mut free = between.free;
         let least = self.minimum_interval;
-        // In 2^-32 tick, so that whole ticks are a word: time from the last event to the master's next step, time from
-        // one step to the next, and the excess of that over whole ticks.
+        // In 2^-32 tick, so that whole ticks are a word: time from the last event to the master's
+        // next step, time from one step to the next, and the excess of that over whole ticks.
         let mut gap = gap << BITS_BEYOND | u64::from(self.master.beyond());
         let interval = cruise.interval << BITS_BEYOND | u64::from(cruise.beyond);
         let surplus = interval as i32;
         let longest = if cruise.ticks >= least { cruise.longest_stair } else { 1 };
-        // The next event is not a stair if a step of the extruder waits for it, or the move before would end in it.
+        // The next event is not a stair if a step of the extruder waits for it, or the move before
+        // would end in it.
         let mut begins = self.joining & MOVE_BEGINS != 0;
         let mut is_single = waits;
         let [alone, common] = self.masters_events;
@@ -327,8 +332,8 @@ fn is_tolerable(ticks: u32) -> bool {
     ticks.wrapping_add(STAIR_TOLERANCE) <= 2 * STAIR_TOLERANCE
 }
 
-/// True if an event this many ticks after `last` is later than another time; any of them may be before the block's
-/// start.
+/// True if an event this many ticks after `last` is later than another time; any of them may be
+/// before the block's start.
 fn is_after(last: u64, ticks: u32, other: u64) -> bool {
     last.wrapping_add(u64::from(ticks) << FRACTION_BITS).wrapping_sub(other) as i64 > 0
 }

@@ -1,14 +1,15 @@
 //! Blocks made by another step pattern: its events, Z's and the extruder's steps, merged.
 //!
-//! All of them follow the block's time law. The pattern's events are on time: an extruder or Z step that would come
-//! less than the minimum event interval before one of them waits for it, one that would come that near after the last
-//! event joins it. Two of the pattern's events join if they are that near, the later stepping early. Nothing joins
-//! across a change of direction, so a motor that turns round does it no sooner than the interval after the event
-//! before, and the signals change right after that: the profile's check ensures that pulse and set-up time fit into the
-//! interval.
+//! All of them follow the block's time law. The pattern's events are on time: an extruder or Z step
+//! that would come less than the minimum event interval before one of them waits for it, one that
+//! would come that near after the last event joins it. Two of the pattern's events join if they are
+//! that near, the later stepping early. Nothing joins across a change of direction, so a motor that
+//! turns round does it no sooner than the interval after the event before, and the signals change
+//! right after that: the profile's check ensures that pulse and set-up time fit into the interval.
 //!
-//! At a block's end all motors have arrived there, as each has made all its steps. Moves do not share blocks under
-//! another pattern, so that is the end of every move; a block that has several is made by step Bresenham.
+//! At a block's end all motors have arrived there, as each has made all its steps. Moves do not
+//! share blocks under another pattern, so that is the end of every move; a block that has several
+//! is made by step Bresenham.
 
 use super::{FAR, Interpolator, MAX_ENTRIES, WHOLE_TICKS, Work};
 use crate::methods::{DueEvent, MotionMethods, StepPattern};
@@ -25,7 +26,8 @@ const MAX_ENTRIES_AN_EVENT: usize = 2;
 const Z: u8 = 1 << 2;
 
 impl<M: MotionMethods> Interpolator<M> {
-    /// Begins a block that is made by the other pattern; `false` without one, or where several moves end in the block.
+    /// Begins a block that is made by the other pattern; `false` without one, or where several
+    /// moves end in the block.
     #[inline]
     pub(super) fn start_pattern(&mut self, stretch: &Stretch, law: &TimeLaw<M::Pieces>, extruder: &MotorSteps) -> bool {
         self.follows_pattern = false;
@@ -63,7 +65,8 @@ impl<M: MotionMethods> Interpolator<M> {
                 (Some(ordered), None) => ordered.time,
                 (None, Some((beside, _))) => beside,
             };
-            // Time from the last event to the nearest tick; wraps if the step should have come before it.
+            // Time from the last event to the nearest tick; wraps if the step should
+            // have come before it.
             let gap = due.wrapping_add(HALF_TICK).wrapping_sub(self.last);
             if gap >= FAR && self.has_waited(gap) {
                 return Work::Waited;

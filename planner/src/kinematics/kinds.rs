@@ -5,7 +5,8 @@ use super::core_xy::CoreXy;
 use super::core_xz::CoreXz;
 use super::linear::{Length, LinearKinematics};
 
-/// The enum of all kinematics, from a line each: everything that depends on one goes through its functions.
+/// The enum of all kinematics, from a line each: everything that depends on one goes
+/// through its functions.
 macro_rules! kinematics {
     ($($(#[$about:meta])* $name:ident,)+) => {
         /// Relation between motors and axes.
@@ -87,7 +88,8 @@ impl Kinematics {
         self.axes_of_motors(self.motors_of_axis(axis)) != 1 << axis
     }
 
-    /// Largest speeds of the motors if each axis goes at up to its own: on a diagonal the axes' parts add up.
+    /// Largest speeds of the motors if each axis goes at up to its own: on a diagonal the
+    /// axes' parts add up.
     pub fn largest_motor_feeds(self, axes: [f64; 3]) -> [f64; 3] {
         let mut feeds = [0.0; 3];
         for (axis, feed) in axes.into_iter().enumerate() {

@@ -3,13 +3,15 @@
 use core::num::Wrapping;
 use core::ops::{Add, Sub};
 
-/// A number that positions are computed with: exact integers where steps are made, floats where speeds are compared.
+/// A number that positions are computed with: exact integers where steps are made, floats where
+/// speeds are compared.
 pub trait Length: Copy + Add<Output = Self> + Sub<Output = Self> {
     /// Half of it; of integers rounded towards zero.
     fn half(self) -> Self;
 }
 
-/// Units of 10 nm of positions within [`super::MAX_COORDINATE_10NM`]: sums of two are below 2^30 and need no check.
+/// Units of 10 nm of positions within [`super::MAX_COORDINATE_10NM`]: sums of two are below 2^30
+/// and need no check.
 impl Length for Wrapping<i32> {
     fn half(self) -> Self {
         Wrapping(self.0 / 2)
@@ -42,16 +44,17 @@ impl Length for f64 {
 }
 
 // ANCHOR: trait
-/// A machine whose motors X, Y and Z (as the board names them) are each at a sum or difference of axes. All numbers of
-/// one call have one unit of length.
+/// A machine whose motors X, Y and Z (as the board names them) are each at a sum or difference of
+/// axes. All numbers of one call have one unit of length.
 ///
-/// Both functions are linear, without constants and with whole factors from axes to motors. The planner relies on it: a
-/// straight move at constant speed turns every motor at constant speed, so that one step Bresenham per block makes the steps of
-/// all three, blocks merge by adding steps, and a prepared job holds motor steps. A motor's steps are its coordinate times its
-/// steps/mm, exactly rounded.
+/// Both functions are linear, without constants and with whole factors from axes to motors. The
+/// planner relies on it: a straight move at constant speed turns every motor at constant speed, so
+/// that one step Bresenham per block makes the steps of all three, blocks merge by adding steps,
+/// and a prepared job holds motor steps. A motor's steps are its coordinate times its steps/mm,
+/// exactly rounded.
 ///
-/// A delta is not such a machine: there each motor would need its own stepper, which solves for the times of its steps
-/// over the pieces of the path, and a prepared job the positions as well.
+/// A delta is not such a machine: there each motor would need its own stepper, which solves for the
+/// times of its steps over the pieces of the path, and a prepared job the positions as well.
 pub trait LinearKinematics {
     /// The profile's word, and the trace's.
     const NAME: &'static str;

@@ -1,25 +1,28 @@
 //! Look-ahead under an S-curve: neighbouring blocks share one time law.
 //!
-//! Were every block to begin and end without acceleration, curves of short blocks would never gain speed. So blocks leave
-//! in *runs*, each under one law, and the acceleration is zero at the ends of runs only. Li 2017 plans segment by segment
-//! and does not know this. The best places for an end are those where the speed is lowest, and there the acceleration is
-//! zero anyway.
+//! Were every block to begin and end without acceleration, curves of short blocks would never gain
+//! speed. So blocks leave in *runs*, each under one law, and the acceleration is zero at the ends
+//! of runs only. Li 2017 plans segment by segment and does not know this. The best places for an
+//! end are those where the speed is lowest, and there the acceleration is zero anyway.
 //!
-//! - *Reverse pass.* For each corner the speed from which, without acceleration there, everything after it can be done:
-//!   by one ramp to an *anchor*, a corner after it whose speed is known already, over all blocks between and no faster
-//!   than any of them or of the corners between. The anchor is kept as long as that gives more than a ramp to the next
-//!   corner, which becomes the anchor otherwise.
-//! - *A run is settled when its first block leaves.* It ends at the first corner that limits, that is where the corner
-//!   itself bounds the speed, and that can be reached with that speed; the corners between have to be passed no faster
-//!   than they may, which the law is asked. Where they would, the run is made slower, or ends there, whichever takes less
-//!   time.
-//! - What leaves is cut off where the run cruises, if that is at the end of a block: it costs nothing, and what is after
-//!   may still become faster. A run that ends where no more blocks are known and has no such place is cut in its middle.
+//! - *Reverse pass.* For each corner the speed from which, without acceleration there, everything
+//!   after it can be done: by one ramp to an *anchor*, a corner after it whose speed is known
+//!   already, over all blocks between and no faster than any of them or of the corners between. The
+//!   anchor is kept as long as that gives more than a ramp to the next corner, which becomes the
+//!   anchor otherwise.
+//! - *A run is settled when its first block leaves.* It ends at the first corner that limits, that
+//!   is where the corner itself bounds the speed, and that can be reached with that speed; the
+//!   corners between have to be passed no faster than they may, which the law is asked. Where they
+//!   would, the run is made slower, or ends there, whichever takes less time.
+//! - What leaves is cut off where the run cruises, if that is at the end of a block: it costs
+//!   nothing, and what is after may still become faster. A run that ends where no more blocks are
+//!   known and has no such place is cut in its middle.
 //!
-//! One thing is not as under a constant acceleration: to slow down to x takes longer than to slow down to a standstill
-//! where x is small, since the acceleration has to be gone at x ([`crate::s_curve::bounds`]). So a corner's speed could
-//! fall when the anchor's rises. It is kept then, with its anchor: what was possible before remains possible, at the
-//! anchor perhaps with less than its speed.
+//! One thing is not as under a constant acceleration: to slow down to x takes longer than to slow
+//! down to a standstill where x is small, since the acceleration has to be gone at x
+//! ([`crate::s_curve::bounds`]). So a corner's speed could fall when the anchor's rises. It is kept
+//! then, with its anchor: what was possible before remains possible, at the anchor perhaps with
+//! less than its speed.
 
 use crate::block::{Acceleration, Block, Speed};
 use crate::pace::Pace;
@@ -94,7 +97,8 @@ struct Speeds {
 struct Anchor {
     place: usize,
     speed: Speed,
-    /// Path to it, and the smallest acceleration and jerk and the slowest nominal speed or corner on it.
+    /// Path to it, and the smallest acceleration and jerk and the slowest nominal speed
+    /// or corner on it.
     length_10nm: u32,
     acceleration: Acceleration,
     jerk: Jerk,
@@ -254,8 +258,8 @@ impl Settling {
         Planning::new(end.jerk, end.acceleration)
     }
 
-    /// The speed with which an end can be reached that everything after it can be done from, and the greatest on the way;
-    /// `None` if no speed does.
+    /// The speed with which an end can be reached that everything after it can be done from, and
+    /// the greatest on the way; `None` if no speed does.
     fn exit(&self, end: &End) -> Option<(Speed, Speed)> {
         let planning = self.planning(end);
         let held = if self.pace == Pace::FULL { end.fastest } else { self.pace.of(end.fastest) };
@@ -302,7 +306,8 @@ impl Settling {
         found.or(last).unwrap_or(End::NONE)
     }
 
-    /// The speeds of one run to an end; or a nearer end that is better, or none if it cannot be reached.
+    /// The speeds of one run to an end; or a nearer end that is better, or none if it
+    /// cannot be reached.
     fn law_to<S: RingMemory>(&self, ring: &Ring<S>, end: &End) -> Result<Speeds, Option<End>> {
         let Some((exit, most)) = self.exit(end) else { return Err(None) };
         let planning = self.planning(end);
@@ -357,7 +362,8 @@ impl Settling {
         .flatten()
     }
 
-    /// The run that the reverse pass has granted: one ramp to the anchor, or to what of its speed is possible.
+    /// The run that the reverse pass has granted: one ramp to the anchor, or to what of its
+    /// speed is possible.
     fn granted<S: RingMemory>(&self, ring: &Ring<S>, first: &Waiting) -> (End, Speeds) {
         let place = usize::from(first.anchor);
         let mut last = None;
@@ -373,7 +379,8 @@ impl Settling {
         (end, Speeds { peak: entry, exit })
     }
 
-    /// The last corner that a run passes while it cruises, before it slows down, with a speed that was granted there.
+    /// The last corner that a run passes while it cruises, before it slows down, with a speed that
+    /// was granted there.
     fn cut_in_cruise<S: RingMemory>(&self, ring: &Ring<S>, end: &End, speeds: &Speeds) -> Option<End> {
         if speeds.exit >= speeds.peak {
             return None;
@@ -394,7 +401,8 @@ impl Settling {
         found
     }
 
-    /// The corner nearest to the middle of a run at which it can end, or of the others the one with the fastest end.
+    /// The corner nearest to the middle of a run at which it can end, or of the others the one with
+    /// the fastest end.
     fn cut_in_middle<S: RingMemory>(&self, ring: &Ring<S>, end: &End) -> Option<(End, Speeds)> {
         let mut middle: Option<End> = None;
         self.find_end(ring, |corner| {

@@ -101,8 +101,8 @@ proptest! {
     }
 }
 
-/// The blocks of some moves as they leave a ring of this many places. After each that comes, final ones may leave if `early`
-/// says so.
+/// The blocks of some moves as they leave a ring of this many places. After each that comes, final
+/// ones may leave if `early` says so.
 fn as_they_leave(
     moves: &[(f64, f64, f64, f64)],
     places: usize,
@@ -129,8 +129,8 @@ fn as_they_leave(
 }
 
 proptest! {
-    /// Final blocks leave with the same speeds at any time, so the plan of a host's moves is that of a file's, though
-    /// the ring is seldom full.
+    /// Final blocks leave with the same speeds at any time, so the plan of a host's moves is that
+    /// of a file's, though the ring is seldom full.
     #[test]
     fn final_blocks_leave_with_the_same_speeds_at_any_time(
         moves in proptest::collection::vec((1.0f64..300.0, 100.0f64..10_000.0, 0.01f64..20.0, 0.0f64..40_000.0), 1..120),
@@ -159,7 +159,8 @@ fn a_block_before_a_slow_corner_is_final_and_the_last_never() {
         true
     });
     assert_eq!(left, 4, "each but the first move ends the doubt about the one before");
-    // A straight line at a speed that 20 blocks of a millimetre cannot brake from: nothing is final.
+    // A straight line at a speed that 20 blocks of a millimetre cannot brake from:
+    // nothing is final.
     let mut finals = 0;
     as_they_leave(&[(300.0, 1000.0, 1.0, 1e9); 20], 128, |ring| {
         finals += usize::from(ring.is_first_final());

@@ -18,14 +18,16 @@ impl Leg {
     pub const NONE: Self =
         Self { length_mm: 0.0, feed_mm_per_s: 1.0, acceleration_mm_per_s2: 1.0, entry_mm_per_s: 0.0 };
 
-    /// The speed that is reached over its length from this one, or from which it brakes to this one.
+    /// The speed that is reached over its length from this one, or from which it
+    /// brakes to this one.
     fn most_mm_per_s(&self, other_mm_per_s: f32) -> f32 {
         let squared = other_mm_per_s * other_mm_per_s + 2.0 * self.acceleration_mm_per_s2 * self.length_mm;
         smaller(self.feed_mm_per_s, square_root_f32(squared))
     }
 }
 
-/// Lowers the speeds in the corners to those that can be reached, and from which the last leg comes to rest.
+/// Lowers the speeds in the corners to those that can be reached, and from which the last
+/// leg comes to rest.
 pub fn join(legs: &mut [Leg]) {
     let mut exit_mm_per_s = 0.0;
     for leg in legs.iter_mut().rev() {

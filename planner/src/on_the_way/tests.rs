@@ -72,7 +72,8 @@ proptest! {
         let mut end: Option<f32> = None;
         for number in 0..legs.len() {
             let course = way.course(number);
-            // Speeds differ by no more than rounding where legs meet, and the ramps take no more than the leg.
+            // Speeds differ by no more than rounding where legs meet, and the ramps take no
+            // more than the leg.
             if let Some(end) = end {
                 prop_assert!((course.begin_mm_per_s - end).abs() < 1e-3);
             }
@@ -119,7 +120,8 @@ proptest! {
     #[test]
     fn nothing_is_slowed_where_there_is_time(mut legs in legs(), law in law()) {
         let law = FilamentLaw { keeps_acceleration: false, ..law };
-        // One of the legs alone is long enough, with as much again for steps, and not too far away for the number of stages.
+        // One of the legs alone is long enough, with as much again for steps, and not too far away
+        // for the number of stages.
         legs.truncate(2);
         for leg in legs.iter_mut().take(1) {
             leg.length_mm = leg.feed_mm_per_s * (4.0 * law.duration_s() + 0.1);

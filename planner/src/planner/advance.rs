@@ -20,7 +20,8 @@ pub enum Progress {
 }
 
 impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
-    /// Does a little work; hands at most [`crate::interpolator::MAX_ENTRIES`] entries and two notices to `sink`.
+    /// Does a little work; hands at most [`crate::interpolator::MAX_ENTRIES`] entries and two
+    /// notices to `sink`.
     #[inline]
     pub fn advance(&mut self, sink: &mut impl StepSink) -> Progress {
         if self.interpolator.is_busy() {
@@ -69,7 +70,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         }
     }
 
-    /// True if the plan has come to standstill, and the motors have not: the content of the filters is to be executed.
+    /// True if the plan has come to standstill, and the motors have not: the content of the filters
+    /// is to be executed.
     fn must_rest(&self) -> bool {
         self.shaped.is_in_motion() && self.exit == Speed::ZERO && self.is_look_ahead_empty()
     }

@@ -1,4 +1,5 @@
-//! Planning of a move as a separate block: its steps, its length, and the speeds that machine and limits allow.
+//! Planning of a move as a separate block: its steps, its length, and the speeds that machine
+//! and limits allow.
 
 use super::move_error::MoveError;
 use super::position::{Position, Target};
@@ -19,12 +20,12 @@ use crate::time_units::TICKS_PER_SECOND;
 use crate::tolerance::PathTolerance;
 use crate::u64_to_f32;
 
-/// Slowest feed that is planned, mm/s; slower ones are raised to it. The longest block then ends within 20 days, which the
-/// time base holds.
+/// Slowest feed that is planned, mm/s; slower ones are raised to it. The longest block then ends
+/// within 20 days, which the time base holds.
 pub const MIN_FEED_MM_PER_S: f64 = 0.01;
 
-/// A move with more filament than this for its path, 1000 to 1, is planned as an extruder-only move: the extruder's speed
-/// cannot follow from a speed along a path so short.
+/// A move with more filament than this for its path, 1000 to 1, is planned as an extruder-only
+/// move: the extruder's speed cannot follow from a speed along a path so short.
 const MAX_FILAMENT_PER_PATH: i64 = 1000;
 
 /// Units of filament in a unit of length.
@@ -87,7 +88,8 @@ pub(crate) struct PartLimits {
 }
 
 impl PartLimits {
-    /// Feed and acceleration of a part of this length, along which this filament moves, units of 10 nm.
+    /// Feed and acceleration of a part of this length, along which this filament
+    /// moves, units of 10 nm.
     fn along(&self, length: f32, filament: f32) -> FeedAndAcceleration {
         let Self { feed_mm_per_s, acceleration_mm_per_s2, .. } = *self;
         if filament <= 0.0 {
@@ -129,7 +131,8 @@ pub(crate) struct BlockRules<M: MotionMethods> {
     pub geometry: Geometry,
     pub limits: Limits,
     pub path_limits: PathLimits,
-    /// Length of a step of the extruder, mm: a division in double precision, which no block has to make.
+    /// Length of a step of the extruder, mm: a division in double precision, which no
+    /// block has to make.
     extruder_step_mm: f32,
     /// Another step pattern than step Bresenham.
     pub pattern: Option<M::Pattern>,
@@ -307,8 +310,9 @@ impl<M: MotionMethods> BlockRules<M> {
         }
     }
 
-    /// Most step events of a move: of X, Y and Z's motors, and of the extruder with this filament, units of 10 nm. How its
-    /// steps fall depends on what was pushed before; a plan must not, and so counts one more than it has filament for.
+    /// Most step events of a move: of X, Y and Z's motors, and of the extruder with this filament,
+    /// units of 10 nm. How its steps fall depends on what was pushed before; a plan must not, and
+    /// so counts one more than it has filament for.
     #[inline(always)]
     fn events(&self, steps: [i32; 3], filament_10nm: f32) -> f32 {
         let motors = match &self.pattern {
@@ -323,14 +327,16 @@ impl<M: MotionMethods> BlockRules<M> {
         motors + 1.0 + filament_10nm.abs() / (self.extruder_step_mm * UNITS_PER_MM as f32)
     }
 
-    /// The radius of the arc in a corner beside a part of a travel: it has room along all of the travel.
+    /// The radius of the arc in a corner beside a part of a travel: it has room along
+    /// all of the travel.
     #[inline(never)]
     fn radius_between_parts(&self, before: &Path, after: &Path) -> f32 {
         radius_10nm(before, after, self.path_limits.four_deviations_10nm)
     }
 
-    /// Bound of the speed in the corner before a path. The axes' instantaneous corner velocities, if any is set, limit no
-    /// corner between the chords of an arc: the commanded path has no corner there.
+    /// Bound of the speed in the corner before a path. The axes' instantaneous corner
+    /// velocities, if any is set, limit no corner between the chords of an arc: the commanded
+    /// path has no corner there.
     #[inline(never)]
     pub fn corner(&self, before: &Previous, path: &Path, acceleration: CornerAcceleration, travel: &Travel) -> Speed {
         let radius = if before.whole_10nm > 0.0 || travel.part.is_some() {
@@ -355,8 +361,8 @@ impl<M: MotionMethods> BlockRules<M> {
             }
             (true, Some(part)) => *per_filament_velocity = 1.0 / stage_jump_mm_per_s(part.filament_feed_mm_per_s),
             (is_left, _) => {
-                // Filament beside a line needs a stop, as for filament alone: a faster nozzle would round the line's
-                // end.
+                // Filament beside a line needs a stop, as for filament alone: a faster nozzle would
+                // round the line's end.
                 let beside = if is_left { path } else { &before.path };
                 if beside.filament > 0.0 {
                     return Speed::ZERO;

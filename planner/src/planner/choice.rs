@@ -92,8 +92,9 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         if !(are_equal(0) && are_equal(1)) { Err(ShaperError::UnequalMotors) } else { Ok(shaping) }
     }
 
-    /// Sets how far the extruder runs ahead from the moves taken so far on, without a stop. `false`, and nothing has changed:
-    /// it needs other filters or more room in them, and so a standstill and [`Self::set_motion_choice`]. Of an advance that has been set the average
+    /// Sets how far the extruder runs ahead from the moves taken so far on, without a stop.
+    /// `false`, and nothing has changed: it needs other filters or more room in them, and so a
+    /// standstill and [`Self::set_motion_choice`]. Of an advance that has been set the average
     /// stays, whatever it is changed to, none included.
     ///
     /// # Errors
@@ -133,7 +134,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         extruder
     }
 
-    /// Sets the steps of the extruder in a millimetre of filament, at standstill: what it has pushed stays pushed.
+    /// Sets the steps of the extruder in a millimetre of filament, at standstill: what it has
+    /// pushed stays pushed.
     ///
     /// # Errors
     /// [`ChoiceError::InMotion`]; nothing has changed.
@@ -152,14 +154,15 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.rules.set_surface(surface);
     }
 
-    /// Lets the moves to come follow the plan itself, or the filters again: a move that a sensor ends is to stop where it is.
-    /// From the next standstill on.
+    /// Lets the moves to come follow the plan itself, or the filters again: a move that a sensor
+    /// ends is to stop where it is. From the next standstill on.
     pub fn set_unshaped(&mut self, is_unshaped: bool) {
         self.is_unshaped = is_unshaped;
     }
 
-    /// Lets every block begin and end without acceleration under an S-curve instead of giving neighbours one law, for
-    /// comparison. Returns `false` and changes nothing if moves are queued or the profile is another.
+    /// Lets every block begin and end without acceleration under an S-curve instead of giving
+    /// neighbours one law, for comparison. Returns `false` and changes nothing if moves are queued
+    /// or the profile is another.
     pub fn plan_block_by_block(&mut self) -> bool {
         match speed_law::<M>(&self.choice) {
             Ok(SpeedLaw::SCurve(jerks)) if self.is_idle() => {

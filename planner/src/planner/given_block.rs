@@ -1,4 +1,5 @@
-//! The seam for formats whose jobs have blocks and no moves: a block that was made elsewhere, with its planned entry speed.
+//! The seam for formats whose jobs have blocks and no moves: a block that was made elsewhere, with
+//! its planned entry speed.
 
 use super::Planner;
 use super::move_error::{MoveError, Moved};
@@ -10,9 +11,10 @@ use crate::ring::RingMemory;
 use crate::speed_plan::{BlockStart, EntrySpeed, PlanFault};
 
 impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
-    /// Takes a block of a prepared job; for an implementation of [`crate::Request`]. `make_room` as in
-    /// [`Self::add_making_room`]. The planner knows no positions of such a block, so `check` answers for its limits and
-    /// corners: it returns the largest speed that the corner before the block allows.
+    /// Takes a block of a prepared job; for an implementation of [`crate::Request`]. `make_room`
+    /// as in [`Self::add_making_room`]. The planner knows no positions of such a block, so
+    /// `check` answers for its limits and corners: it returns the largest speed that the corner
+    /// before the block allows.
     ///
     /// # Errors
     /// See [`MoveError`]; the fault that `check` found ends the job as any [`MoveError::Plan`].
@@ -47,8 +49,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         Ok(Moved::Queued)
     }
 
-    /// Makes this the position, units of 10 nm, if it agrees with the motors' steps: blocks give it to a motor step
-    /// only. Returns true if it agrees.
+    /// Makes this the position, units of 10 nm, if it agrees with the motors' steps: blocks give it
+    /// to a motor step only. Returns true if it agrees.
     pub fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {
         let Some(coordinates_10nm) = narrow(position_10nm) else { return false };
         let stands = self.rules.geometry.motor_steps(position_10nm) == self.position.motor_steps;

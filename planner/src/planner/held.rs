@@ -1,7 +1,8 @@
 //! Moves that wait until it is known whether filament moves on their way ([`crate::on_the_way`]).
 //!
-//! Held are a retraction, travels, at most [`MOST_LEGS`], and a recovery, in this order, each of them or none. With whatever cannot
-//! join them they are planned, part by part: nothing that is planned depends on when the next move comes.
+//! Held are a retraction, travels, at most [`MOST_LEGS`], and a recovery, in this order, each of
+//! them or none. With whatever cannot join them they are planned, part by part: nothing that is
+//! planned depends on when the next move comes.
 
 mod parts;
 
@@ -167,10 +168,12 @@ impl Held {
 }
 
 impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
-    /// Holds a move back, if filament may move on its way or it is such filament; otherwise what is held is planned.
+    /// Holds a move back, if filament may move on its way or it is such filament; otherwise what is
+    /// held is planned.
     ///
     /// # Errors
-    /// [`MoveError::NoRoom`]: the move has not been taken, though some of what was held may have been planned.
+    /// [`MoveError::NoRoom`]: the move has not been taken, though some of what was held may
+    /// have been planned.
     #[inline(never)]
     pub(super) fn holds_back(
         &mut self,

@@ -19,8 +19,8 @@ impl Planned {
 }
 
 impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
-    /// Lowers the speed in the corner before a move, its acceleration and that of the open block as far as the tolerance asks, if there
-    /// is one. Doing it again changes nothing.
+    /// Lowers the speed in the corner before a move, its acceleration and that of the open block as
+    /// far as the tolerance asks, if there is one. Doing it again changes nothing.
     #[inline(always)]
     pub(super) fn keep_tolerance(&mut self, planned: &mut Planned) {
         if let Some(tolerance) = self.rules.tolerance {
@@ -67,7 +67,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         }
     }
 
-    /// Keeps the tolerance as the open block closes before the next move is known, whatever it may be.
+    /// Keeps the tolerance as the open block closes before the next move is known,
+    /// whatever it may be.
     #[inline(always)]
     pub(super) fn keep_tolerance_before_any(&mut self) {
         if let Some(tolerance) = self.rules.tolerance

@@ -15,9 +15,9 @@ pub enum MoveError {
     TooMuchFilament,
     /// The feed is not a number above zero.
     Feed,
-    /// The motion was prepared, and its plan cannot be followed. What was taken before is executed as far as it can be
-    /// trusted, to a standstill on the path, and no more of the job is taken until [`crate::Planner::reset_to`] says where the
-    /// motors are.
+    /// The motion was prepared, and its plan cannot be followed. What was taken before is executed
+    /// as far as it can be trusted, to a standstill on the path, and no more of the job is taken
+    /// until [`crate::Planner::reset_to`] says where the motors are.
     Plan(PlanFault),
 }
 

@@ -18,8 +18,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         }
     }
 
-    /// Counts the time in which the motors come to rest, if all blocks were passed over, for estimates. Returns it in
-    /// ticks.
+    /// Counts the time in which the motors come to rest, if all blocks were passed over, for
+    /// estimates. Returns it in ticks.
     pub fn pass_over_rest(&mut self) -> u64 {
         if !self.owes_rest || !self.is_look_ahead_empty() {
             return 0;
@@ -45,8 +45,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         Some(planned)
     }
 
-    /// Takes the next block that may leave, shows it with its speeds, and does nothing more, to count what planning
-    /// costs. Returns `false` if there was no block.
+    /// Takes the next block that may leave, shows it with its speeds, and does nothing more, to
+    /// count what planning costs. Returns `false` if there was no block.
     pub fn take_planned(&mut self, see: impl FnOnce(&PlannedBlock)) -> bool {
         loop {
             match &self.release_next() {

@@ -49,8 +49,8 @@ impl Position {
         self.motor_steps = geometry.motor_steps(self.coordinates_10nm.map(i64::from));
     }
 
-    /// Sets the motors to these steps (X, Y, Z, extruder); the coordinates become the nearest to them. Returns the
-    /// filament that was taken and not pushed, units of 0.1 nm.
+    /// Sets the motors to these steps (X, Y, Z, extruder); the coordinates become the nearest to
+    /// them. Returns the filament that was taken and not pushed, units of 0.1 nm.
     pub fn reset_to(&mut self, motor_steps: [i64; 4], geometry: &Geometry) -> i64 {
         let [x, y, z, extruder] = motor_steps;
         self.coordinates_10nm = geometry.position_10nm([x, y, z]).map(within_reach);

@@ -1,8 +1,9 @@
 //! Moves whose entry speeds were planned elsewhere.
 //!
-//! A prepared move is planned like any other but for two things: it says itself whether it continues the one before, and it
-//! brings its entry speed, so there is no reverse pass. Limits, corners and the processor's budget are worked out anew from
-//! where it goes: a plan can only ask for less than they allow, and one that asks for more is refused.
+//! A prepared move is planned like any other but for two things: it says itself whether it
+//! continues the one before, and it brings its entry speed, so there is no reverse pass. Limits,
+//! corners and the processor's budget are worked out anew from where it goes: a plan can only ask
+//! for less than they allow, and one that asks for more is refused.
 
 use super::Planner;
 use super::block_rules::Travel;
@@ -28,8 +29,8 @@ pub struct PreparedMove {
     pub line: u32,
     /// True if the line's move ends here (an arc has many).
     pub ends_move: bool,
-    /// True if the filament counts in the G-code's E coordinate; that of a firmware retraction does not. Planning does
-    /// not use this.
+    /// True if the filament counts in the G-code's E coordinate; that of a firmware retraction does
+    /// not. Planning does not use this.
     pub counts: bool,
     /// Planned speed at its start.
     pub entry: EntrySpeed,
@@ -60,8 +61,8 @@ pub struct Retuned {
     pub feed_mm_per_s: Option<f32>,
 }
 
-/// Asks for a prepared move. Its corners remain those of the plan, whose speeds follow from them, even where feed and flow
-/// have been changed since.
+/// Asks for a prepared move. Its corners remain those of the plan, whose speeds follow from them,
+/// even where feed and flow have been changed since.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prepared<'a> {
     /// The move as it was planned.
@@ -143,7 +144,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         Ok(())
     }
 
-    /// The next motion's speeds are planned here; `false` until prepared motion in the ring has left.
+    /// The next motion's speeds are planned here; `false` until prepared motion in
+    /// the ring has left.
     pub(super) fn use_look_ahead(&mut self) -> bool {
         if self.queue.has_given_speeds() {
             if !self.drain() {
@@ -180,8 +182,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         MoveError::Plan(fault)
     }
 
-    /// The fault in the plan of a job's last block, if no error has reported it. Motion has ended before that block, and
-    /// [`Self::reset_to`] is to say where.
+    /// The fault in the plan of a job's last block, if no error has reported it. Motion has ended
+    /// before that block, and [`Self::reset_to`] is to say where.
     pub fn take_plan_fault(&mut self) -> Option<PlanFault> {
         self.queue.take_unreported_fault()
     }

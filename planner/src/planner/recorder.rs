@@ -27,7 +27,8 @@ pub enum Recorded {
     },
 }
 
-/// Takes what leaves look-ahead and notes the entry speeds that the reverse pass has found, before acceleration lowers them.
+/// Takes what leaves look-ahead and notes the entry speeds that the reverse pass has found, before
+/// acceleration lowers them.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Recorder {
     /// Planned entry of the next block.

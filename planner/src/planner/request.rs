@@ -8,14 +8,15 @@ use crate::methods::MotionMethods;
 use crate::ring::RingMemory;
 use crate::speed_plan::EntrySpeed;
 
-/// Motion that a [`Planner`] can be asked for: a [`Move`], a [`crate::Prepared`] move, or what another crate
-/// makes of [`Planner::add_given_block`].
+/// Motion that a [`Planner`] can be asked for: a [`Move`], a [`crate::Prepared`] move, or what
+/// another crate makes of [`Planner::add_given_block`].
 pub trait Request {
-    /// Adds it to the motion that a planner has taken. Where it needs room, `make_room` is asked for it, and says whether it
-    /// made any.
+    /// Adds it to the motion that a planner has taken. Where it needs room, `make_room` is asked
+    /// for it, and says whether it made any.
     ///
     /// # Errors
-    /// See [`MoveError`]; nothing has changed then, but for a plan's fault, see [`MoveError::Plan`].
+    /// See [`MoveError`]; nothing has changed then, but for a plan's fault, see
+    /// [`MoveError::Plan`].
     fn add_to<S: RingMemory, M: MotionMethods>(
         &self,
         planner: &mut Planner<S, M>,
@@ -70,7 +71,8 @@ impl Request for Move {
             planner.open.begin(&planned, EntrySpeed::Bound, planned.nominal);
         }
         if planner.open.is_full() && planner.rules.tolerance.is_none() {
-            // Now, not with the next move: a host may wait until the speeds before this block are known to be final.
+            // Now, not with the next move: a host may wait until the speeds before this block are
+            // known to be final.
             planner.close_open_block();
         }
         planner.advance_position(&target, &planned, 0.0);
@@ -91,9 +93,9 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         request.add_to(self, |_| false)
     }
 
-    /// Version of [`Self::add`] that makes room while the motion needs it: `make_room` takes a block with
-    /// [`Self::next_planned`] or a [`crate::Recorder`], and returns false if there was none. A move is then planned
-    /// once, not again after it was refused.
+    /// Version of [`Self::add`] that makes room while the motion needs it: `make_room` takes a
+    /// block with [`Self::next_planned`] or a [`crate::Recorder`], and returns false if there was
+    /// none. A move is then planned once, not again after it was refused.
     ///
     /// # Errors
     /// See [`MoveError`].

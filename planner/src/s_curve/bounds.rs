@@ -1,9 +1,10 @@
 //! Speeds, lengths and times that a jerk and an acceleration allow.
 //!
-//! A ramp changes the speed by dv: the acceleration rises at the jerk j, is held at the machine's limit a where it gets
-//! there, and falls at the same jerk. Without the part in the middle that is the ramp of Li 2017, eqs. 1 to 4, which takes
-//! 2 sqrt(dv/j). It reaches a where dv = a^2/j; beyond, it takes dv/a + a/j. Either way it is point-symmetric, so that its
-//! mean speed is the mean of both ends': its length is (v0 + v1)/2 of its duration.
+//! A ramp changes the speed by dv: the acceleration rises at the jerk j, is held at the machine's
+//! limit a where it gets there, and falls at the same jerk. Without the part in the middle that is
+//! the ramp of Li 2017, eqs. 1 to 4, which takes 2 sqrt(dv/j). It reaches a where dv = a^2/j;
+//! beyond, it takes dv/a + a/j. Either way it is point-symmetric, so that its mean speed is the
+//! mean of both ends': its length is (v0 + v1)/2 of its duration.
 
 use crate::real::Real;
 
@@ -19,10 +20,12 @@ pub struct Bounds<F> {
 /// Bisections of an interval of speeds: it is then 2^-24 of what it was, all that f32 tells.
 const BISECTIONS: usize = 24;
 
-/// Newton's steps to a reach: they start less than a third too high, and each squares the relative error.
+/// Newton's steps to a reach: they start less than a third too high, and each squares
+/// the relative error.
 const REACH_STEPS: usize = 6;
 
-/// Part of a length that is not counted on, so that rounding in f32 never asks for more than is there.
+/// Part of a length that is not counted on, so that rounding in f32 never asks for
+/// more than is there.
 const KEPT_BACK: f64 = 1.0 / 65_536.0;
 
 fn larger<F: Real>(one: F, other: F) -> F {
@@ -53,7 +56,8 @@ impl<F: Real> Bounds<F> {
         self.acceleration * self.acceleration / self.jerk
     }
 
-    /// Duration of the first and of the last part of a ramp, in which the jerk acts, and the change of speed in each.
+    /// Duration of the first and of the last part of a ramp, in which the jerk acts, and the change
+    /// of speed in each.
     pub(crate) fn jerk_part(&self, change: F) -> (F, F) {
         let by_jerk = self.change_by_jerk();
         if change > by_jerk {
@@ -68,7 +72,8 @@ impl<F: Real> Bounds<F> {
         (one + other) * self.half_time(one, other)
     }
 
-    /// The fastest speed that can be reached from `speed` over a length, or from which that speed can be reached.
+    /// The fastest speed that can be reached from `speed` over a length, or from which that
+    /// speed can be reached.
     pub fn reach(&self, speed: F, length: F) -> F {
         if length <= F::ZERO {
             return speed;
@@ -83,9 +88,9 @@ impl<F: Real> Bounds<F> {
         if gain > F::ZERO { speed + gain } else { speed }
     }
 
-    /// Speed gained over a length by jerk alone. With y the gain, (2v + y) sqrt(y/j) = L; with z = sqrt(y), z^3 + 2vz -
-    /// L sqrt(j) = 0, convex for z > 0 and with one root there. Newton's steps, a fixed number, descend to it from
-    /// above.
+    /// Speed gained over a length by jerk alone. With y the gain, (2v + y) sqrt(y/j) = L; with z =
+    /// sqrt(y), z^3 + 2vz - L sqrt(j) = 0, convex for z > 0 and with one root there. Newton's
+    /// steps, a fixed number, descend to it from above.
     fn gain_at_jerk(&self, speed: F, length: F) -> F {
         let whole = length * self.jerk.square_root();
         let twice = speed + speed;
@@ -97,7 +102,8 @@ impl<F: Real> Bounds<F> {
         z * z
     }
 
-    /// (2v + y) (y/a + a/j) = 2L is y^2 + 2by = c with b = v + a^2/2j and c = 2 (La - v a^2/j): y = c/(b + sqrt(b^2 + c)).
+    /// (2v + y) (y/a + a/j) = 2L is y^2 + 2by = c with b = v + a^2/2j and c = 2 (La - v a^2/j): y =
+    /// c/(b + sqrt(b^2 + c)).
     fn gain_at_acceleration(&self, speed: F, length: F) -> F {
         let by_jerk = self.change_by_jerk();
         let b = speed + F::constant(0.5) * by_jerk;
@@ -106,11 +112,12 @@ impl<F: Real> Bounds<F> {
         c / (b + (b * b + c).square_root())
     }
 
-    /// The largest speed at most `wanted` to which one can go from `entry` over a length; `entry` itself where none of
-    /// what is slower is near enough.
+    /// The largest speed at most `wanted` to which one can go from `entry` over a length; `entry`
+    /// itself where none of what is slower is near enough.
     ///
-    /// Not every slower speed is nearer than a still slower one: the way down to x grows with x up to a crest, because the
-    /// acceleration has to be gone at both ends of a ramp. Beyond the crest it falls again.
+    /// Not every slower speed is nearer than a still slower one: the way down to x grows with x up
+    /// to a crest, because the acceleration has to be gone at both ends of a ramp. Beyond the
+    /// crest it falls again.
     pub fn exit_within(&self, entry: F, wanted: F, length: F) -> F {
         if wanted >= entry {
             return smaller(wanted, self.reach(entry, length));
@@ -123,7 +130,8 @@ impl<F: Real> Bounds<F> {
         if fits(F::ZERO) {
             return self.last_that(F::ZERO, smaller(wanted, crest), fits);
         }
-        // No speed below fits: the slowest of those that are only a little slower, from the fast end downwards.
+        // No speed below fits: the slowest of those that are only a little slower, from the
+        // fast end downwards.
         let low = larger(wanted, crest);
         if fits(low) {
             return low;
@@ -131,14 +139,16 @@ impl<F: Real> Bounds<F> {
         entry - self.last_that(F::ZERO, entry - low, |drop| fits(entry - drop))
     }
 
-    /// The speed that is farthest from `entry` of those below it: with y = `entry` - x, the length (2x + y) sqrt(y/j) has its
-    /// greatest value at x = y/2, a third of `entry`, where it is 9 % more than to a stop; where the acceleration is held,
-    /// (2x + y) (y/a + a/j)/2 has it at x = a^2/2j.
+    /// The speed that is farthest from `entry` of those below it: with y = `entry` - x, the
+    /// length (2x + y) sqrt(y/j) has its greatest value at x = y/2, a third of `entry`, where
+    /// it is 9 % more than to a stop; where the acceleration is held, (2x + y) (y/a + a/j)/2
+    /// has it at x = a^2/2j.
     fn crest(&self, entry: F) -> F {
         smaller(entry * F::constant(1.0 / 3.0), F::constant(0.5) * self.change_by_jerk())
     }
 
-    /// The greatest speed at most `most`, and not below the ends', to which one can go and come back over a length.
+    /// The greatest speed at most `most`, and not below the ends', to which one can go and come
+    /// back over a length.
     pub fn peak(&self, entry: F, exit: F, most: F, length: F) -> F {
         let fits = |peak: F| self.length(entry, peak) + self.length(peak, exit) <= length;
         let least = larger(entry, exit);
@@ -178,8 +188,8 @@ impl<F: Real> Bounds<F> {
     }
 }
 
-/// First guess for the root of z^3 + bz = c: not below it and less than a third above it. It is the smaller of the
-/// roots of both parts alone.
+/// First guess for the root of z^3 + bz = c: not below it and less than a third above it. It is the
+/// smaller of the roots of both parts alone.
 fn curve_guess(b: f32, c: f32) -> f32 {
     let by_cube = crate::cubic::cube_root_above(c);
     let by_line = c / b;
@@ -219,8 +229,8 @@ mod tests {
             let is_lost = reached - speed <= 1e-9 * speed;
             prop_assert!(needed <= length * (1.0 + 1e-9) || is_lost, "{} > {}", needed, length);
             prop_assert!(needed >= length * (1.0 - 1e-4) || is_lost, "{} < {}", needed, length);
-            // The f32 result asks for no more length than there is, as f64 sees it, but for the rounding of the speed
-            // itself.
+            // The f32 result asks for no more length than there is, as f64 sees it, but for the
+            // rounding of the speed itself.
             let found = f64::from(short(&bounds).reach(speed as f32, length as f32));
             let from = f64::from(speed as f32);
             let slower = found * (1.0 - 1.2e-7);

@@ -12,8 +12,9 @@ use crate::time_units::{FRACTION_BITS, HALF_TICK, UNITS, UNITS_PER_SECOND, cruis
 /// Units of [`Speed`] in 1 mm/s.
 const SPEED_UNITS: f64 = 65_536.0;
 
-/// A ramp: the jerk's parts at both ends, each described from the end where the acceleration is zero, and between them a
-/// part at the greatest acceleration, described from its slow end. There their times are exact however slow they are.
+/// A ramp: the jerk's parts at both ends, each described from the end where the acceleration is
+/// zero, and between them a part at the greatest acceleration, described from its slow end. There
+/// their times are exact however slow they are.
 #[derive(Clone, Copy, Debug)]
 struct Ramp {
     /// Length of the path, units of 10 nm, and duration, time units.
@@ -23,7 +24,8 @@ struct Ramp {
     slow_part: Cubic<f64>,
     fast_part: Cubic<f64>,
     jerk_time: f64,
-    /// Speed at which the part between begins, units of [`Speed`]; twice its acceleration; and its length.
+    /// Speed at which the part between begins, units of [`Speed`]; twice its
+    /// acceleration; and its length.
     held_speed: f64,
     gain: f64,
     held: f64,
@@ -74,7 +76,8 @@ impl Ramp {
     }
 }
 
-/// The time law of a run (Li 2017, eqs. 1 to 4, and the acceleration held where it reaches its limit): seven pieces.
+/// The time law of a run (Li 2017, eqs. 1 to 4, and the acceleration held where it reaches its
+/// limit): seven pieces.
 #[derive(Clone, Copy, Debug)]
 pub struct Curve {
     length: f64,
@@ -92,7 +95,8 @@ impl Curve {
     pub(crate) const NONE: Self =
         Self { length: 0.0, peak: 1.0, up: Ramp::NONE, down: Ramp::NONE, down_start: 0.0, duration: 0.0 };
 
-    /// The law of a run. Where its speeds want a hair more path than it has, both ramps are as much shorter.
+    /// The law of a run. Where its speeds want a hair more path than it has, both ramps are
+    /// as much shorter.
     pub(crate) fn new(run: &Run) -> Self {
         let bounds = Bounds { jerk: run.jerk.mm_per_s3(), acceleration: run.acceleration.mm_per_s2() };
         let peak = run.peak.max(run.entry).max(run.exit).max(Speed(1));
@@ -139,8 +143,8 @@ impl Curve {
     }
 }
 
-/// The pieces of a run as one of its blocks sees them: places from the block's ends, times from the run's start. Some
-/// pieces may have no length.
+/// The pieces of a run as one of its blocks sees them: places from the block's ends, times from the
+/// run's start. Some pieces may have no length.
 #[derive(Clone, Copy, Debug)]
 pub struct CurvePieces {
     curve: Curve,
@@ -207,8 +211,8 @@ pub struct Along {
 }
 
 impl Along {
-    /// The block that begins this far after the run's start. It begins at the nearest tick, as the one before ends there:
-    /// however many blocks a run has, nothing adds up.
+    /// The block that begins this far after the run's start. It begins at the nearest tick, as the
+    /// one before ends there: however many blocks a run has, nothing adds up.
     pub(crate) fn new(curve: &Curve, offset_10nm: u32, length_10nm: u32) -> Self {
         let whole = curve.length;
         let offset = f64::from(offset_10nm);
@@ -221,7 +225,8 @@ impl Along {
         Self { curve: *curve, offset, length, rest, start: start << FRACTION_BITS, duration_ticks }
     }
 
-    /// Pieces of the block. Their times count from the run's start, [`Self::start`] before the block's.
+    /// Pieces of the block. Their times count from the run's start, [`Self::start`]
+    /// before the block's.
     pub(crate) fn pieces(&self) -> CurvePieces {
         CurvePieces { curve: self.curve, offset: self.offset, rest: self.rest, next: 0 }
     }

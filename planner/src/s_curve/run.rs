@@ -14,8 +14,8 @@ impl Jerk {
     /// No limit.
     pub(crate) const MAX: Self = Self(u32::MAX);
 
-    /// The largest whole number of mm/s^3 not above this, but at least 1; `None` where it is not a finite number above
-    /// zero.
+    /// The largest whole number of mm/s^3 not above this, but at least 1; `None` where it is not a
+    /// finite number above zero.
     pub fn from_mm_per_s3(mm_per_s3: f64) -> Option<Self> {
         (mm_per_s3 > 0.0 && mm_per_s3.is_finite()).then(|| Self((mm_per_s3 as u32).max(1)))
     }
@@ -42,8 +42,8 @@ impl Jerks {
     }
 }
 
-/// One time law of a whole run of blocks: a ramp from `entry` to `peak`, a cruise, a ramp to `exit`. The acceleration is
-/// zero at both ends of the run and nowhere asked to be in between.
+/// One time law of a whole run of blocks: a ramp from `entry` to `peak`, a cruise, a ramp to
+/// `exit`. The acceleration is zero at both ends of the run and nowhere asked to be in between.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Run {
     /// Length of all its blocks, units of 10 nm, at least 1.
@@ -63,8 +63,9 @@ pub struct Run {
 /// Share of jerk and acceleration that planning leaves unused: rounding in f32 is less.
 const KEPT_BACK: f32 = 1.0 / 16_384.0;
 
-/// Limits along a run, as look-ahead sees them: in f32, which the board's processor has in hardware. They are a little
-/// lower than allowed, so that the law, which is computed in f64, always finds room.
+/// Limits along a run, as look-ahead sees them: in f32, which the board's processor has in
+/// hardware. They are a little lower than allowed, so that the law, which is computed in f64,
+/// always finds room.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Planning(Bounds<f32>);
 
@@ -85,7 +86,8 @@ impl Planning {
         Self(Bounds { jerk: jerk.0 as f32 * kept, acceleration: acceleration.quantised() as f32 * (kept / 256.0) })
     }
 
-    /// Length of a ramp between two speeds, mm. Their difference is exact: f32 does not tell fast speeds apart.
+    /// Length of a ramp between two speeds, mm. Their difference is exact: f32 does not tell
+    /// fast speeds apart.
     fn ramp(&self, one: Speed, other: Speed) -> f32 {
         let change = one.0.abs_diff(other.0) as f32 * (1.0 / 65_536.0);
         (speed(one) + speed(other)) * self.0.half_time_of(change)
@@ -102,8 +104,8 @@ impl Planning {
         lowered(reached, from, |faster| self.fits(from, faster, length_10nm))
     }
 
-    /// The largest speed at most `wanted` to which one can go from `entry` over a length; where nothing slower than `entry`
-    /// is near enough, the slowest that is.
+    /// The largest speed at most `wanted` to which one can go from `entry` over a length; where
+    /// nothing slower than `entry` is near enough, the slowest that is.
     pub(crate) fn exit_within(&self, entry: Speed, wanted: Speed, length_10nm: u32) -> Speed {
         if wanted > entry {
             return self.reach(entry, length_10nm).min(wanted);
@@ -154,7 +156,8 @@ impl Planning {
     }
 }
 
-/// A ramp as look-ahead sees it, in mm and mm/s: the jerk's parts at both ends, and between them the acceleration is held.
+/// A ramp as look-ahead sees it, in mm and mm/s: the jerk's parts at both ends, and between them
+/// the acceleration is held.
 #[derive(Clone, Copy, Debug)]
 struct HumpRamp {
     slow: f32,
@@ -207,7 +210,8 @@ pub(crate) struct Hump {
     length: f32,
 }
 
-/// Factor by which a corner may seem to be passed too fast, so that rounding in f32 is not taken for speed.
+/// Factor by which a corner may seem to be passed too fast, so that rounding in f32 is not
+/// taken for speed.
 const TOLERANCE: f32 = 1.0 + 1e-5;
 
 impl Hump {
@@ -233,8 +237,8 @@ impl Hump {
     }
 }
 
-/// Fastest speed for which `holds` is true: `fast`, or slower by less than f32 resolves; `least` if it is true for none
-/// of these.
+/// Fastest speed for which `holds` is true: `fast`, or slower by less than f32 resolves; `least` if
+/// it is true for none of these.
 fn lowered(fast: Speed, least: Speed, holds: impl Fn(Speed) -> bool) -> Speed {
     let mut tried = fast;
     for _ in 0..4 {

@@ -1,7 +1,7 @@
 //! A ramp by the textbook, in f64, for tests.
 
-/// The acceleration rises at the jerk, is held at its limit where it gets there, and falls at the jerk. Any unit of length;
-/// seconds.
+/// The acceleration rises at the jerk, is held at its limit where it gets there, and falls at the
+/// jerk. Any unit of length; seconds.
 #[derive(Clone, Copy, Debug)]
 pub struct Ramp {
     from: f64,

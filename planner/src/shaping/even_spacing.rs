@@ -1,9 +1,10 @@
 //! MZV with any number of impulses over any time (Klipper since 2026).
 //!
-//! With n impulses over t damped periods the response is zero at 1 + i / tau times the frequency, for i from 0 to n -
-//! 2, where tau = t (n - 2) / (n - 2 t - 1). On the unit circle these zeros are at equal angles, from 2 pi t / (n - 1)
-//! to as much before a whole turn: in pairs, with one at half a turn if their number is odd. The weights are the
-//! coefficients of the polynomial that has these zeros.
+//! With n impulses over t damped periods the response is zero at 1 + i / tau times the frequency,
+//! for i from 0 to n - 2, where tau = t (n - 2) / (n - 2 t - 1). On the unit circle these zeros
+//! are at equal angles, from 2 pi t / (n - 1) to as much before a whole turn: in pairs, with one
+//! at half a turn if their number is odd. The weights are the coefficients of the polynomial that
+//! has these zeros.
 
 use super::kernel::MAX_IMPULSES;
 
@@ -15,7 +16,8 @@ const LEAST: f64 = -1e-9;
 pub struct EvenSpacing {
     /// Number of impulses, 3 to [`MAX_IMPULSES`].
     pub impulses: u8,
-    /// Damped periods from the first impulse to the last, 1/1000; less than half of the impulses but one.
+    /// Damped periods from the first impulse to the last, 1/1000; less than half of the
+    /// impulses but one.
     pub period_thousandths: u16,
 }
 
@@ -24,7 +26,8 @@ impl EvenSpacing {
     pub const RULE: &'static str =
         "N from 3 to 5, and T below (N-1)/2 but not so small that an impulse would be negative";
 
-    /// Parses the parentheses of a name such as `mzv(5,0.9)` or, in Klipper's form, `mzv(n=5,t=0.9)`.
+    /// Parses the parentheses of a name such as `mzv(5,0.9)` or, in Klipper's form,
+    /// `mzv(n=5,t=0.9)`.
     #[cold]
     #[inline(never)]
     pub(super) fn from_text(text: &str) -> Option<Self> {
@@ -39,7 +42,8 @@ impl EvenSpacing {
         f64::from(self.period_thousandths) / 1000.0 / f64::from(self.impulses.saturating_sub(1).max(1))
     }
 
-    /// Weights without damping; `None` if the numbers are out of range or a weight would be negative.
+    /// Weights without damping; `None` if the numbers are out of range or a weight
+    /// would be negative.
     #[cold]
     #[inline(never)]
     pub(super) fn weights(self) -> Option<Weights> {

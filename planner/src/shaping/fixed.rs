@@ -1,6 +1,8 @@
-//! Positions in whole numbers: what is worked out at every breakpoint, on a processor without double precision.
+//! Positions in whole numbers: what is worked out at every breakpoint, on a processor without
+//! double precision.
 //!
-//! A position is in units of 2^-32 step. Products are of 32 by 32 bits, which the processor has an instruction for.
+//! A position is in units of 2^-32 step. Products are of 32 by 32 bits, which the processor has an
+//! instruction for.
 
 use super::path_pieces::Polynomial;
 
@@ -34,15 +36,17 @@ pub(super) const fn of_256ths(steps_256ths: i32) -> i64 {
     (steps_256ths as i64) << (STEP_BITS - 8)
 }
 
-/// The part of its line that is done over a piece of the plan: a polynomial of third degree in the share of a span of time, a
-/// power of two of ticks that is longer than the piece.
+/// The part of its line that is done over a piece of the plan: a polynomial of third degree in the
+/// share of a span of time, a power of two of ticks that is longer than the piece.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PartLaw {
     /// The part at the piece's start, 2^-56.
     start: i64,
-    /// Coefficient of the speed at the start: its part of the line in the span, 2^-56 over 2^[`PartScale::enlarged`].
+    /// Coefficient of the speed at the start: its part of the line in the span, 2^-56 over
+    /// 2^[`PartScale::enlarged`].
     speed: i64,
-    /// Coefficients of half the acceleration, and of a sixth of the jerk, without the lower 32 bits.
+    /// Coefficients of half the acceleration, and of a sixth of the jerk, without
+    /// the lower 32 bits.
     acceleration: i32,
     jerk: i32,
 }
@@ -78,7 +82,8 @@ impl PartRates {
 }
 
 impl PartScale {
-    /// Scale of a resting piece, which may be any. All zeros, so that images hold no copy of an empty ring.
+    /// Scale of a resting piece, which may be any. All zeros, so that images hold no copy
+    /// of an empty ring.
     pub const NONE: Self = Self { enlarged: 0, span_bits: 0 };
 
     /// Ticks as a share of the span, 2^-64.
@@ -92,8 +97,8 @@ impl PartLaw {
     /// Rest.
     pub const NONE: Self = Self { start: 0, speed: 0, acceleration: 0, jerk: 0 };
 
-    /// Law of a piece that lasts `ticks`. Computed once a piece, in f64; at the piece's end it is exactly where the
-    /// polynomial is, however the coefficients are rounded.
+    /// Law of a piece that lasts `ticks`. Computed once a piece, in f64; at the piece's end it is
+    /// exactly where the polynomial is, however the coefficients are rounded.
     #[inline(never)]
     pub fn new(part: &Polynomial, ticks: u64) -> (Self, PartScale) {
         let duration = ticks as f64;
@@ -144,7 +149,8 @@ impl PartLaw {
         if self.acceleration == 0 {
             return chord;
         }
-        // A parabola with u^2 to its share u is by a sixth of the chord's squared length below the chord.
+        // A parabola with u^2 to its share u is by a sixth of the chord's squared length
+        // below the chord.
         let share = scale.share(ticks);
         let bend = times(times(i64::from(self.acceleration) << 32, share), share);
         chord.wrapping_sub(times(bend, SIXTH) >> (scale.enlarged & 63))
@@ -293,14 +299,15 @@ fn magnitude(x: f64) -> i32 {
     ((x.to_bits() >> 52) as i32 & 0x7ff) - 1022
 }
 
-/// A number times 2^bits, cut to a whole one. Once in the image: the processor has no instruction for it.
+/// A number times 2^bits, cut to a whole one. Once in the image: the processor has no
+/// instruction for it.
 #[inline(never)]
 fn whole(x: f64, bits: i32) -> i64 {
     scaled(x, bits) as i64
 }
 
-/// Multiplies a number by a power of two, exactly; a result that is too small becomes zero. With hardware it would be a
-/// product.
+/// Multiplies a number by a power of two, exactly; a result that is too small becomes zero. With
+/// hardware it would be a product.
 #[inline(never)]
 fn scaled(x: f64, exponent: i32) -> f64 {
     let bits = x.to_bits();
@@ -323,8 +330,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A motion from 0 to the whole line, or a part of it, in a piece of `ticks`; `shape` are the shares that speed,
-    /// acceleration and jerk have in it.
+    /// A motion from 0 to the whole line, or a part of it, in a piece of `ticks`; `shape` are the
+    /// shares that speed, acceleration and jerk have in it.
     fn part(ticks: f64, done: f64, start: f64, shape: [f64; 3]) -> Polynomial {
         let sum: f64 = shape.iter().sum();
         let [speed, acceleration, jerk] = shape.map(|share| share / sum * done);
@@ -354,8 +361,8 @@ mod tests {
                 let found = law.at(scale, after) as f64 / f64::from(PART_BITS).exp2();
                 (found - path.position_after(after as f64)).abs() <= most
             };
-            // Between the ends the error is within what 28 bits of acceleration and jerk leave; at the ends within that
-            // of f64.
+            // Between the ends the error is within what 28 bits of acceleration and jerk leave; at
+            // the ends within that of f64.
             prop_assert!(near((at * ticks as f64) as u64, done * 4e-9 + 1e-15));
             prop_assert!(near(0, 1e-15) && near(ticks, 1e-15));
             let rates = law.rates_at(scale, (at * ticks as f64) as u64);

@@ -2,7 +2,8 @@
 
 use crate::time_units::TICKS_PER_SECOND;
 
-/// The longest filter, ticks: 100 ms. What the machine executes is later than planned by no more than this.
+/// The longest filter, ticks: 100 ms. What the machine executes is later than planned by
+/// no more than this.
 pub const MAX_LENGTH_TICKS: u32 = TICKS_PER_SECOND / 10;
 
 /// The most impulses of a shaper: those of three humps.

@@ -7,11 +7,12 @@ use crate::pressure_advance::PressureAdvance;
 use crate::square_root::square_root_f32;
 use crate::time_units::TICKS_PER_SECOND;
 
-/// The least time over which an advance is averaged unless another is given, s: at a common K the extruder can follow it.
+/// The least time over which an advance is averaged unless another is given, s: at a common K the
+/// extruder can follow it.
 const LEAST_SMOOTH_TIME_S: f64 = 0.008;
 
-/// An average over B has a variance of B^2 / 12. The least filament is misplaced at corners where B is somewhat shorter than the one
-/// with the path's variance.
+/// An average over B has a variance of B^2 / 12. The least filament is misplaced at corners where B
+/// is somewhat shorter than the one with the path's variance.
 const PART_OF_SPREAD: f64 = 0.9;
 
 /// Times for the moving average of all axes, s.
@@ -24,10 +25,11 @@ pub struct Shaping {
     pub x: Kernel,
     /// Kernel of Y.
     pub y: Kernel,
-    /// Variance by which the shapers and the frame together spread the path of the nozzle, squared ticks: the mean of
-    /// X's and Y's, at least 0. The extruder's impulses have the same variance.
+    /// Variance by which the shapers and the frame together spread the path of the nozzle, squared
+    /// ticks: the mean of X's and Y's, at least 0. The extruder's impulses have the same variance.
     pub extruder_variance: f64,
-    /// Ticks over which X, Y, Z and the extruder are averaged after that, an even number; 0: no averaging.
+    /// Ticks over which X, Y, Z and the extruder are averaged after that, an even number;
+    /// 0: no averaging.
     pub smooth_ticks: u32,
     /// Ticks over which the extruder's advance is averaged; 0: no advance.
     pub advance_ticks: u32,
@@ -38,7 +40,8 @@ impl Shaping {
     pub const NONE: Self =
         Self { x: Kernel::IDENTITY, y: Kernel::IDENTITY, extruder_variance: 0.0, smooth_ticks: 0, advance_ticks: 0 };
 
-    /// The filters of these shapers of X and Y, of a moving average over a time within [`SMOOTH_TIME_S`], and of this advance.
+    /// The filters of these shapers of X and Y, of a moving average over a time within
+    /// [`SMOOTH_TIME_S`], and of this advance.
     ///
     /// # Errors
     /// The first that cannot be made.

@@ -21,11 +21,11 @@ pub(super) struct MotorStates {
 }
 
 impl MotorStates {
-    /// The motion through four places, 2^-32 step: at the start of a window, two times a third of it later (in whole ticks, the rest
-    /// of which is left to the last one), and at its end.
+    /// The motion through four places, 2^-32 step: at the start of a window, two times a third of
+    /// it later (in whole ticks, the rest of which is left to the last one), and at its end.
     ///
-    /// A polynomial of third degree by its divided differences. The second ones are subtracted in whole numbers: of motors that hardly
-    /// move beside others nothing is lost.
+    /// A polynomial of third degree by its divided differences. The second ones are subtracted in
+    /// whole numbers: of motors that hardly move beside others nothing is lost.
     #[inline(never)]
     pub fn through(places: &[[i64; 4]; 4], third: u32, ticks: u32) -> Self {
         const STEPS: f32 = 1.0 / (1_u64 << super::fixed::STEP_BITS) as f32;
@@ -60,7 +60,8 @@ impl MotorStates {
         states
     }
 
-    /// The first time within `ticks` at which a motor turns, or its acceleration, if it changes, passes zero.
+    /// The first time within `ticks` at which a motor turns, or its acceleration, if it
+    /// changes, passes zero.
     pub fn first_turn(&self, ticks: f32) -> f32 {
         let mut first = ticks;
         let Self { speed, acceleration, jerk } = self;
@@ -76,7 +77,8 @@ impl MotorStates {
                 continue;
             }
             consider(-acceleration / jerk);
-            // speed + acceleration t + jerk t^2 / 2 = 0, by the root without cancellation and the other by their product.
+            // speed + acceleration t + jerk t^2 / 2 = 0, by the root without cancellation and the
+            // other by their product.
             let under = acceleration * acceleration - 2.0 * jerk * speed;
             if under >= 0.0 {
                 let root = square_root_f32(under);

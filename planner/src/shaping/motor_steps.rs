@@ -6,19 +6,21 @@ use crate::piece::above_zero;
 use crate::square_root::square_root_f32;
 use crate::u64_to_f32::of_i64;
 
-/// Newton's steps for a piece with jerk. From a guess that is not below the root, each squares the relative error.
+/// Newton's steps for a piece with jerk. From a guess that is not below the root, each squares
+/// the relative error.
 const NEWTON_STEPS: usize = 4;
 
 /// Later than any window ends.
 pub(super) const NEVER: u32 = u32::MAX;
 
-/// A motor's motion over a window of time in which it does not turn and its speed only grows or only falls.
+/// A motor's motion over a window of time in which it does not turn and its speed only
+/// grows or only falls.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct WindowMotion {
     /// Position at the start and the end, 2^-32 step.
     pub ends: [i64; 2],
-    /// Acceleration (steps/tick^2) and jerk at the start. The speed follows from the ends: added up from axes' and impulses'
-    /// speeds, that of a slow motor beside a fast one would be lost.
+    /// Acceleration (steps/tick^2) and jerk at the start. The speed follows from the ends: added up
+    /// from axes' and impulses' speeds, that of a slow motor beside a fast one would be lost.
     pub acceleration: f32,
     pub jerk: f32,
     /// Duration, ticks.
@@ -27,8 +29,8 @@ pub(super) struct WindowMotion {
 
 /// A motor: its position, and its steps in the present window.
 ///
-/// It steps when the position passes the middle between two steps. The times count from the end of the window that is
-/// the slower one: there 20 ticks are the least part of a step.
+/// It steps when the position passes the middle between two steps. The times count from the end of
+/// the window that is the slower one: there 20 ticks are the least part of a step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MotorSteps {
     /// Position after all steps of the window.
@@ -82,7 +84,8 @@ impl MotorSteps {
         // The motion mirrored so that it goes forwards.
         let (start, end, sign) =
             if backwards { (start.wrapping_neg(), end.wrapping_neg(), -1.0) } else { (start, end, 1.0) };
-        // Middles up to the end. One on which the motion rests belongs to the upper step, else the motor went to and fro.
+        // Middles up to the end. One on which the motion rests belongs to the upper step, else the
+        // motor went to and fro.
         let reach = fixed::HALF_STEP.wrapping_sub(i64::from(backwards));
         let count = (end.wrapping_add(reach) >> fixed::STEP_BITS) as u32;
         self.left = count;

@@ -101,7 +101,8 @@ impl PathPieces {
     pub fn add<P: Pieces>(&mut self, planned: &PlannedBlock, law: &TimeLaw<P>) {
         let length = f64::from(planned.block.length_10nm.max(1));
         match law {
-            // Positions are added up over many blocks' time: single precision, exact enough for one, is not for these.
+            // Positions are added up over many blocks' time: single precision, exact enough for
+            // one, is not for these.
             TimeLaw::Short(_) => self.add_trapezoid(&Trapezoid::new(planned), length),
             TimeLaw::Long(law) => self.add_trapezoid(law, length),
             TimeLaw::Run(run) => {
@@ -119,9 +120,9 @@ impl PathPieces {
         self.end_at_a_tick();
     }
 
-    /// Makes the block last a whole number of ticks (under an S-curve, the run's blocks continue at the same fraction
-    /// of one): it passes each place in proportion earlier or later. Without that the position would jump where the
-    /// next block begins.
+    /// Makes the block last a whole number of ticks (under an S-curve, the run's blocks continue at
+    /// the same fraction of one): it passes each place in proportion earlier or later. Without that
+    /// the position would jump where the next block begins.
     #[inline(never)]
     fn end_at_a_tick(&mut self) {
         let end = self.iter().last().map_or(0.0, |last| last.end);
@@ -163,7 +164,8 @@ impl PathPieces {
     }
 }
 
-/// The length of a piece, and speed, acceleration away from its anchor and jerk, in 10 nm and ticks.
+/// The length of a piece, and speed, acceleration away from its anchor and jerk, in
+/// 10 nm and ticks.
 fn from_anchor(piece: &Piece<f64>, length: f64) -> (f64, f64, f64, f64) {
     let end = match (piece.anchor, piece.end) {
         (Anchor::End, _) => piece.position,

@@ -124,7 +124,8 @@ impl Plan {
         self.ring.push(piece);
     }
 
-    /// Lets the extruder run ahead in a piece that lasts `ticks`, in which this part of its line is done.
+    /// Lets the extruder run ahead in a piece that lasts `ticks`, in which this part of
+    /// its line is done.
     #[inline(never)]
     fn add_advance(&mut self, piece: &mut PlanPiece, part: &Polynomial, ticks: u64) {
         let [.., extruder] = piece.line;
@@ -135,8 +136,8 @@ impl Plan {
         self.advance_sum = piece.advance_sum_after(piece.part_after(ticks), ticks);
     }
 
-    /// Ticks after which the filament passes the speed at which the advance has another slope: the piece is to end
-    /// there. 0 if it does not.
+    /// Ticks after which the filament passes the speed at which the advance has another slope: the
+    /// piece is to end there. 0 if it does not.
     #[inline(never)]
     fn advance_turns(&self, line: &[i32; 4], part: &Polynomial, ticks: u64) -> u64 {
         let [.., extruder] = line.map(f64::from);
@@ -149,7 +150,8 @@ impl Plan {
         if faster == (speed > knee) {
             return 0;
         }
-        // Single precision is enough: a tick more or less changes nothing, since the advance is continuous there.
+        // Single precision is enough: a tick more or less changes nothing, since the advance is
+        // continuous there.
         let [missing, acceleration, jerk] = [knee - speed, acceleration, jerk].map(|value| value as f32);
         let root = square_root_f32(acceleration * acceleration + 2.0 * jerk * missing);
         let after = 2.0 * missing / (acceleration + if acceleration < 0.0 { -root } else { root });

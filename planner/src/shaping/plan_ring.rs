@@ -3,13 +3,16 @@
 use super::fixed::{self, PartLaw, PartRates, PartScale};
 use crate::pressure_advance::AdvanceSlope;
 
-/// Pieces that the ring holds. The budget keeps moves long enough that no filter sees more ([`MOST_IN_FILTER`]).
+/// Pieces that the ring holds. The budget keeps moves long enough that no filter sees more
+/// ([`MOST_IN_FILTER`]).
 const PIECES: u32 = 64;
 
-/// The most pieces that may begin within the length of a filter: the ring's, less those of a block that enters it.
+/// The most pieces that may begin within the length of a filter: the ring's, less those of a
+/// block that enters it.
 pub(crate) const MOST_IN_FILTER: u32 = PIECES - 28;
 
-/// Amount added to the extruder's position away from zero, 2^-32 step: more than rounding leaves, less than a tick.
+/// Amount added to the extruder's position away from zero, 2^-32 step: more than rounding leaves,
+/// less than a tick.
 const HALF_AWAY: i64 = 4;
 
 /// A piece of the plan: all motors on a straight line, by one law.
@@ -29,7 +32,8 @@ pub(super) struct PlanPiece {
     pub is_extruder_below_zero: bool,
     /// True if the move of [`Self::source_line`] ends with the piece.
     pub ends_move: bool,
-    /// Lead of the extruder, and its sum over time at the line's start, 2^-16 steps times ticks and modulo 2^64.
+    /// Lead of the extruder, and its sum over time at the line's start, 2^-16 steps times ticks
+    /// and modulo 2^64.
     pub advance: AdvanceSlope,
     pub advance_sum: i64,
     /// The line, in steps, that of the extruder in 1/256 steps.
@@ -83,7 +87,8 @@ impl PlanPiece {
         self.part.rates_at(self.scale, ticks)
     }
 
-    /// The advance summed over time `ticks` after the start, where this part of the line is done (2^-56).
+    /// The advance summed over time `ticks` after the start, where this part of the line
+    /// is done (2^-56).
     #[inline]
     pub fn advance_sum_after(&self, part: i64, ticks: u64) -> i64 {
         let AdvanceSlope { ticks: slope, constant } = self.advance;
@@ -98,9 +103,9 @@ impl PlanPiece {
         sum
     }
 
-    /// Positions of the motors of this mask, 2^-32 step, once this part of the line is done (the others' are
-    /// arbitrary); the extruder's counts from `extruder_zero_256ths`, 1/256 steps. The extruder may have moved so far
-    /// that its whole position is out of range.
+    /// Positions of the motors of this mask, 2^-32 step, once this part of the line is done (the
+    /// others' are arbitrary); the extruder's counts from `extruder_zero_256ths`, 1/256 steps. The
+    /// extruder may have moved so far that its whole position is out of range.
     #[inline]
     pub fn motors_at(&self, part: i64, mask: u8, extruder_zero_256ths: i64) -> [i64; 4] {
         let ([x, y, z], [dx, dy, dz, de]) = (self.steps, self.line);
@@ -112,8 +117,9 @@ impl PlanPiece {
         [along(1, x, dx), along(2, y, dy), along(4, z, dz), extruder]
     }
 
-    /// The positions of the motors of this mask (others: anything) summed over `ticks`, below 2^24, from `after` ticks on: 2^-16 steps
-    /// times ticks, modulo 2^64. The extruder's from its own zero, found by a place near it, 1/256 steps.
+    /// The positions of the motors of this mask (others: anything) summed over `ticks`, below 2^24,
+    /// from `after` ticks on: 2^-16 steps times ticks, modulo 2^64. The extruder's from its own
+    /// zero, found by a place near it, 1/256 steps.
     #[inline(never)]
     pub fn summed(&self, after: u64, ticks: u32, mask: u8, near_256ths: i64) -> [i64; 4] {
         let ([x, y, z], [dx, dy, dz, de]) = (self.steps, self.line);
@@ -136,14 +142,15 @@ impl PlanPiece {
         [x, y, z, self.extruder_start_256ths(near_256ths).wrapping_mul(ticks) << 8].map(i64::wrapping_neg)
     }
 
-    /// Extruder position at the line's start, 1/256 steps, not modulo 2^32; found from a position near it.
+    /// Extruder position at the line's start, 1/256 steps, not modulo 2^32; found from a
+    /// position near it.
     #[inline]
     fn extruder_start_256ths(&self, near_256ths: i64) -> i64 {
         near_256ths.wrapping_add(i64::from(self.extruder_256ths.wrapping_sub(near_256ths as i32)))
     }
 
-    /// Amount by which the extruder's position is moved away from zero, 2^-32 step: halves are rounded away from zero,
-    /// whatever rounding a sum of them has.
+    /// Amount by which the extruder's position is moved away from zero, 2^-32 step: halves are
+    /// rounded away from zero, whatever rounding a sum of them has.
     #[inline]
     pub fn extruder_away(&self) -> i64 {
         if self.is_extruder_below_zero { -HALF_AWAY } else { HALF_AWAY }

@@ -1,7 +1,8 @@
 //! The shapers that exist, by their published definitions.
 //!
-//! Sources: ZV, ZVD and ZVDD: Singer and Seering 1990; EI and its humps: Singhose, Seering and Singer 1996, and with damping
-//! the polynomials of Singhose and Vaughan that Klipper has since 2025; MZV: Klipper's definition.
+//! Sources: ZV, ZVD and ZVDD: Singer and Seering 1990; EI and its humps: Singhose, Seering and
+//! Singer 1996, and with damping the polynomials of Singhose and Vaughan that Klipper has since
+//! 2025; MZV: Klipper's definition.
 
 use core::fmt;
 
@@ -67,11 +68,13 @@ pub enum ShaperError {
     },
     /// The time of the moving average is not within [`super::SMOOTH_TIME_S`].
     SmoothTime,
-    /// Speeds follow an S-curve: its average would be of a degree that the steps are not solved for.
+    /// Speeds follow an S-curve: its average would be of a degree that the steps
+    /// are not solved for.
     SmoothSCurve,
     /// Two motors move one axis, with different steps/mm.
     UnequalMotors,
-    /// The steps follow another pattern than step Bresenham, or speeds another law than trapezoid and S-curve.
+    /// The steps follow another pattern than step Bresenham, or speeds another law than
+    /// trapezoid and S-curve.
     Methods,
 }
 
@@ -90,7 +93,8 @@ impl AxisShaper {
         self.kernel_beside(0)
     }
 
-    /// The kernel beside a moving average over that number of ticks, less than [`MAX_LENGTH_TICKS`], with which it makes one filter.
+    /// The kernel beside a moving average over that number of ticks, less than
+    /// [`MAX_LENGTH_TICKS`], with which it makes one filter.
     ///
     /// # Errors
     /// [`ShaperError`].
@@ -120,8 +124,9 @@ impl AxisShaper {
         Err(ShaperError::TooLong { lowest_hundredths_hz, is_smooth: smooth_ticks > 0 })
     }
 
-    /// The lowest frequency of this kind and damping ratio, both in their ranges, at which the filter, beside a moving
-    /// average over `smooth_ticks`, is no longer than [`MAX_LENGTH_TICKS`]; Hz, to the next hundredth above.
+    /// The lowest frequency of this kind and damping ratio, both in their ranges, at which the
+    /// filter, beside a moving average over `smooth_ticks`, is no longer than [`MAX_LENGTH_TICKS`];
+    /// Hz, to the next hundredth above.
     pub fn lowest_frequency_hz(&self, smooth_ticks: u32) -> f64 {
         let [lowest, _] = Self::FREQUENCY_HZ;
         let most_ticks = MAX_LENGTH_TICKS.saturating_sub(smooth_ticks);
@@ -132,11 +137,13 @@ impl AxisShaper {
         if frequency_hz <= lowest { lowest } else { f64::from(hundredths.saturating_add(1)) / 100.0 }
     }
 
-    /// Variance by which this shaper's kernel and the mode that it is made for spread the path together, squared ticks.
+    /// Variance by which this shaper's kernel and the mode that it is made for spread the path
+    /// together, squared ticks.
     ///
-    /// The mode 1 / (1 + 2 zeta s / omega + s^2 / omega^2) has the variance -2 (1 - 2 zeta^2) / omega^2, the second derivative of its
-    /// logarithm at s = 0. It is negative: the frame runs wide where the kernel cuts a corner. Without a shaper nothing is known
-    /// of the mode, and the path is not spread.
+    /// The mode 1 / (1 + 2 zeta s / omega + s^2 / omega^2) has the variance -2 (1 - 2 zeta^2) /
+    /// omega^2, the second derivative of its logarithm at s = 0. It is negative: the frame runs
+    /// wide where the kernel cuts a corner. Without a shaper nothing is known of the mode, and the
+    /// path is not spread.
     #[cold]
     pub(super) fn path_variance(&self, kernel: &Kernel) -> f64 {
         if self.kind == ShaperKind::None {
@@ -201,8 +208,8 @@ impl ShaperKind {
         kinds
     };
 
-    /// The kind of this name, in upper or lower case: one of [`Self::NAMED`], or as `mzv(5,0.9)` and `mzv(n=5,t=0.9)` with the number
-    /// of impulses and the periods that they last.
+    /// The kind of this name, in upper or lower case: one of [`Self::NAMED`], or as `mzv(5,0.9)`
+    /// and `mzv(n=5,t=0.9)` with the number of impulses and the periods that they last.
     pub fn from_name(name: &str) -> Option<Self> {
         if let Some((_, kind)) = Self::NAMED.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)) {
             return Some(*kind);
@@ -234,8 +241,8 @@ impl fmt::Display for ShaperKind {
 }
 
 impl fmt::Debug for ShaperKind {
-    /// Writes the type's name too: an image's profile is compiled from this form, in which `None` alone would be an
-    /// `Option`'s.
+    /// Writes the type's name too: an image's profile is compiled from this form, in which `None`
+    /// alone would be an `Option`'s.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.write_str(match self {
             Self::None => "ShaperKind::None",

@@ -1,19 +1,23 @@
 //! The moving average of a filter: the difference of positions summed over time, at two delays.
 //!
-//! A sum continues from piece to piece of the plan in whole numbers, modulo 2^64, so that two cursors that have passed
-//! the same pieces have the same sum, and their difference is exact however long the plan is.
+//! A sum continues from piece to piece of the plan in whole numbers, modulo 2^64, so that two
+//! cursors that have passed the same pieces have the same sum, and their difference is exact
+//! however long the plan is.
 
 use super::fixed::{self, Mean};
 use super::plan_ring::PlanPiece;
 
-/// Bits of the ticks after which a long piece is summed up to a place within it: single products hold what follows.
+/// Bits of the ticks after which a long piece is summed up to a place within it: single products
+/// hold what follows.
 const CELL_BITS: u32 = 22;
 
-/// The positions of all motors summed over time up to a place of the plan, 2^-16 steps times ticks and modulo 2^64.
+/// The positions of all motors summed over time up to a place of the plan, 2^-16 steps times ticks
+/// and modulo 2^64.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PositionSums([i64; 4]);
 
-/// A place of the plan: a number of cells after the start of a piece. Only the motors of the mask are summed there.
+/// A place of the plan: a number of cells after the start of a piece. Only the motors of the mask
+/// are summed there.
 // Apart from the sums, so that a delay has no gaps in memory.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Anchor<'a> {
@@ -22,7 +26,8 @@ pub(super) struct Anchor<'a> {
     pub motors: u8,
 }
 
-/// Origin of positions: X's, Y's and Z's motors (A, B, Z) and the extruder, whole steps, near their positions.
+/// Origin of positions: X's, Y's and Z's motors (A, B, Z) and the extruder, whole steps, near
+/// their positions.
 pub(super) type Reference = [i64; 4];
 
 impl Anchor<'_> {
@@ -49,7 +54,8 @@ impl PositionSums {
         }
     }
 
-    /// Goes on to the last cell of the piece that ends by then, `ticks` after the piece's start; returns which that is.
+    /// Goes on to the last cell of the piece that ends by then, `ticks` after the piece's start;
+    /// returns which that is.
     #[inline]
     pub fn pass_cells(&mut self, anchor: Anchor<'_>, ticks: u64, near: &Reference) -> u32 {
         let mut anchor = anchor;
@@ -67,8 +73,8 @@ impl PositionSums {
         self.add(anchor.summed(ticks.wrapping_sub(anchor.ticks()) as u32, near));
     }
 
-    /// The sums `ticks` after the start of the anchor's piece; negative ticks lie before the first piece, where
-    /// everything rests.
+    /// The sums `ticks` after the start of the anchor's piece; negative ticks lie before the first
+    /// piece, where everything rests.
     fn at(&self, anchor: &Anchor<'_>, ticks: i64, near: &Reference) -> [i64; 4] {
         let mut sums = *self;
         sums.add(if ticks < 0 {
@@ -88,7 +94,8 @@ pub(super) struct MovingAverage {
     mean: Mean,
 }
 
-/// A time of the plan: the sums up to an anchor before it, and ticks since the anchor's piece began.
+/// A time of the plan: the sums up to an anchor before it, and ticks since the
+/// anchor's piece began.
 pub(super) type Seen<'a> = (&'a PositionSums, Anchor<'a>, i64);
 
 impl MovingAverage {
@@ -101,8 +108,8 @@ impl MovingAverage {
         Self { ticks, mean: Mean::over(ticks) }
     }
 
-    /// Mean positions of the motors between two times of the plan that are `ticks` apart, 2^-32 step; the extruder's
-    /// counts from the reference's.
+    /// Mean positions of the motors between two times of the plan that are `ticks` apart, 2^-32
+    /// step; the extruder's counts from the reference's.
     pub fn between(&self, late: Seen<'_>, early: Seen<'_>, near: &Reference) -> [i64; 4] {
         let at = |(sums, anchor, ticks): Seen<'_>| sums.at(&anchor, ticks, near);
         let (mut places, before) = (at(late), at(early));

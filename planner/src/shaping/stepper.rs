@@ -1,8 +1,10 @@
-//! Stepping of filtered positions: turns them into ordered step events, every motor in its own time.
+//! Stepping of filtered positions: turns them into ordered step events, every motor
+//! in its own time.
 //!
-//! Time advances in windows, within which every motor follows one polynomial and none turns. A window's ends are worked
-//! out afresh from the plan, so nothing drifts; within it each motor's steps are solved for, and the four streams
-//! merge. Steps that are nearer than the least interval to an event join it.
+//! Time advances in windows, within which every motor follows one polynomial and none turns. A
+//! window's ends are worked out afresh from the plan, so nothing drifts; within it each motor's
+//! steps are solved for, and the four streams merge. Steps that are nearer than the least interval
+//! to an event join it.
 
 use super::fixed;
 use super::machine_filters::Shaping;
@@ -171,7 +173,8 @@ impl ShapedStepper {
         self.plan.add(planned, law)
     }
 
-    /// Continues after the end of the plan until the motors rest. Returns how many ticks that takes.
+    /// Continues after the end of the plan until the motors rest. Returns how many
+    /// ticks that takes.
     pub fn begin_rest(&mut self) -> u64 {
         let length = self.taps.length_ticks();
         self.plan.rest(length);
@@ -305,7 +308,8 @@ impl ShapedStepper {
         }
     }
 
-    /// Begins the next window: up to where a filter sees another piece of the plan, or a motor turns.
+    /// Begins the next window: up to where a filter sees another piece of the plan,
+    /// or a motor turns.
     #[inline(never)]
     fn begin_window(&mut self) {
         let [_, start] = self.window;

@@ -11,8 +11,9 @@ use super::smoothing::{Anchor, MovingAverage, PositionSums, Reference, Seen};
 use crate::kinematics::Kinematics;
 use crate::pressure_advance::AdvanceSlope;
 
-/// The most delays. Without a moving average: those of X, of Y, that of Z, and the two of the extruder's advance. With
-/// one, each delay becomes two, for the start and the end of the average, and the advance has two more.
+/// The most delays. Without a moving average: those of X, of Y, that of Z, and the two of the
+/// extruder's advance. With one, each delay becomes two, for the start and the end of the average,
+/// and the advance has two more.
 const MAX_TAPS: usize = 2 * (2 * MAX_IMPULSES + 3) + 2;
 
 /// Index of the extruder.
@@ -35,7 +36,8 @@ struct Tap {
     is_end: bool,
     /// Number of the piece that it sees.
     piece: u32,
-    /// Progress of a moving average in its piece: the number of cells passed, and the positions' sums up to there.
+    /// Progress of a moving average in its piece: the number of cells passed, and the positions'
+    /// sums up to there.
     cells: u32,
     sums: PositionSums,
 }
@@ -55,13 +57,14 @@ impl Tap {
 
 /// The delays of all axes' filters, each with its place in the plan.
 ///
-/// The filters are moved in time so that at constant speed all axes are equally late. With an advance the extruder's filter has the
-/// variance of the nozzle's path: a weight at that time, and equal ones before and after. These two are where the average of the
-/// advance begins and ends, so that they cost no breakpoints of their own. Without an advance, which leaves far more filament in the
-/// wrong place than the variance does, the extruder is only as late as the rest.
+/// The filters are moved in time so that at constant speed all axes are equally late. With an
+/// advance the extruder's filter has the variance of the nozzle's path: a weight at that time, and
+/// equal ones before and after. These two are where the average of the advance begins and ends, so
+/// that they cost no breakpoints of their own. Without an advance, which leaves far more filament
+/// in the wrong place than the variance does, the extruder is only as late as the rest.
 ///
-/// With a moving average every delay of X, Y, Z and the extruder is a pair, in the list one after the other: the average between them is
-/// what the axes take with the weights of the first.
+/// With a moving average every delay of X, Y, Z and the extruder is a pair, in the list one after
+/// the other: the average between them is what the axes take with the weights of the first.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Taps {
     taps: [Tap; MAX_TAPS],
@@ -119,7 +122,8 @@ impl Taps {
         }
         let late = whole(late);
         let outer = if half_advance > 0 {
-            // Two weights W, so far before and after, have the variance 2 W times its square. At most all of the weight is there.
+            // Two weights W, so far before and after, have the variance 2 W times its square. At
+            // most all of the weight is there.
             let half = f64::from(half_advance);
             whole(0.5 * extruder_variance / (half * half) * f64::from(WHOLE)).min(WHOLE / 2)
         } else {
@@ -426,14 +430,16 @@ mod tests {
         let advance = PressureAdvance { seconds: 0.04, smooth_time_s: Some(0.03), ..PressureAdvance::NONE };
         let shaping = Shaping::new(&[of(60.0), of(43.9)], Some(0.01), &advance).unwrap();
         let taps = set(&shaping, Kinematics::CoreXy);
-        // Pairs of five delays of X, five of Y, and three of the extruder, one of them Z's; two of the advance.
+        // Pairs of five delays of X, five of Y, and three of the extruder, one of them Z's;
+        // two of the advance.
         assert_eq!(taps.count, MAX_TAPS);
         for axis in 0..4 {
             let sum: u32 = taps.taps().map(|tap| tap.weights[axis]).sum();
             assert_eq!(sum, 1 << WEIGHT_BITS, "{axis}");
         }
         assert!(taps.length_ticks() >= shaping.y.length_ticks() + shaping.smooth_ticks);
-        // All axes are equally late at constant speed: by the middle of the averages, and of the advance.
+        // All axes are equally late at constant speed: by the middle of the averages,
+        // and of the advance.
         let half = f64::from(shaping.smooth_ticks / 2);
         let late = |axis: usize| {
             let delays = taps.taps().map(|tap| f64::from(tap.weights[axis]) * f64::from(tap.delay_ticks));

@@ -4,8 +4,8 @@ use crate::real::Real;
 use crate::square_root::square_root_f32;
 use crate::time_units::FRACTION_BITS;
 
-/// Squared speeds in steps^2/tick^2: at index k from the ramp's slow end, `slow + k * gain`. From the slow end, where
-/// relative errors would hurt most.
+/// Squared speeds in steps^2/tick^2: at index k from the ramp's slow end, `slow + k * gain`. From
+/// the slow end, where relative errors would hurt most.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AcceleratedSteps {
     pub(super) slow: f32,
@@ -24,8 +24,8 @@ const UNITS_IN_TWO_TICKS: f32 = (2u32 << FRACTION_BITS) as f32;
 const MAX_HOT_STEPS: u32 = 1 << 24;
 
 impl AcceleratedSteps {
-    /// Advances to the next step; returns how long it takes, in time units: the nearest whole number, for cut ones
-    /// would add up.
+    /// Advances to the next step; returns how long it takes, in time units: the nearest whole
+    /// number, for cut ones would add up.
     #[inline(always)]
     pub(super) fn units(&mut self) -> u64 {
         self.index = self.index.wrapping_add(self.direction);
@@ -35,7 +35,8 @@ impl AcceleratedSteps {
         whole_units(units + 0.5)
     }
 
-    /// The steps in a form for a loop that keeps them in registers, and how many of `left` steps it may take.
+    /// The steps in a form for a loop that keeps them in registers, and how many of `left`
+    /// steps it may take.
     #[inline(always)]
     pub(super) fn hot(&self, left: u32) -> Option<(HotRamp, u32)> {
         let Self { slow, gain, speed, index, direction } = *self;
@@ -61,7 +62,8 @@ impl AcceleratedSteps {
 pub(crate) struct HotRamp(ferrostep_square_root::Ramp);
 
 impl HotRamp {
-    /// Takes a step. Time units from it to the next one, cut to 32 bits; meaningless after a ramp's last step.
+    /// Takes a step. Time units from it to the next one, cut to 32 bits; meaningless after a
+    /// ramp's last step.
     #[inline(always)]
     pub(crate) fn take(&mut self) -> u32 {
         self.0.advance()

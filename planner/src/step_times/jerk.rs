@@ -3,15 +3,17 @@
 use crate::cubic::Cubic;
 use crate::real::Real;
 
-/// Steps from where the acceleration is zero, nearer than which each step's time is worked out from there.
+/// Steps from where the acceleration is zero, nearer than which each step's time is
+/// worked out from there.
 const NEAR: f32 = 8.0;
 
-/// Share of a step's deviation from the path that the next interval corrects. Rounding makes a hair of deviation with
-/// each step; correcting all of it would put the rounding of the absolute time into the interval.
+/// Share of a step's deviation from the path that the next interval corrects. Rounding makes a hair
+/// of deviation with each step; correcting all of it would put the rounding of the absolute time
+/// into the interval.
 const CORRECTION: f32 = 1.0 / 16.0;
 
-/// Half of an S-curve's ramp, in steps: `linear x + cubic x^3` of them up to the share x of its duration, counted from
-/// where the acceleration is zero.
+/// Half of an S-curve's ramp, in steps: `linear x + cubic x^3` of them up to the share x of its
+/// duration, counted from where the acceleration is zero.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct JerkSteps {
     curve: Cubic<f32>,
@@ -28,8 +30,8 @@ pub(super) struct JerkSteps {
 }
 
 impl JerkSteps {
-    /// Steps on a curve in units of steps: the next one, of this number, is `time` units from where the acceleration is zero,
-    /// and the step of number 0 is `base` steps from there.
+    /// Steps on a curve in units of steps: the next one, of this number, is `time` units from where
+    /// the acceleration is zero, and the step of number 0 is `base` steps from there.
     pub(super) fn new<F: Real>(curve: &Cubic<F>, half_time: F, time: F, base: F, index: u32, direction: u32) -> Self {
         Self {
             curve: Cubic { linear: curve.linear.to_f32(), cubic: curve.cubic.to_f32() },
@@ -44,9 +46,9 @@ impl JerkSteps {
 
     /// Advances to the next step; returns how long it takes, in time units.
     ///
-    /// The time from where the acceleration is zero is a whole number, so that intervals add up without rounding. From
-    /// it follow speed v and acceleration, and from those, by two of Newton's steps from 1/v, the interval in which one
-    /// step is made.
+    /// The time from where the acceleration is zero is a whole number, so that intervals add up
+    /// without rounding. From it follow speed v and acceleration, and from those, by two of
+    /// Newton's steps from 1/v, the interval in which one step is made.
     pub(super) fn units(&mut self) -> u64 {
         self.index = self.index.wrapping_add(self.direction);
         let distance = self.base + self.index as f32;

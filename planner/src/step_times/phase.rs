@@ -64,7 +64,8 @@ impl Phase {
     /// `count` steps of a piece, the first of them `index`.
     #[inline]
     fn new<F: Real>(piece: &Piece<F>, steps: &Spacing<F>, index: u32, count: u32) -> Self {
-        // Path from the anchor to the nearest step and to the first, and the number of the first from there.
+        // Path from the anchor to the nearest step and to the first, and the number of the
+        // first from there.
         let (nearest, first, number) = match piece.anchor {
             Anchor::Start => {
                 let nearest = above_zero(steps.position(index) - piece.position);

@@ -48,7 +48,8 @@ fn random_run(random: &mut Random) -> Run {
     }
 }
 
-/// t(s) of a run, by bisection of s(t): from its start in the first half of the whole, from its end in the second.
+/// t(s) of a run, by bisection of s(t): from its start in the first half of the whole, from its
+/// end in the second.
 struct Exact {
     up: Ramp,
     down: Ramp,
@@ -108,8 +109,8 @@ fn random_steps(random: &mut Random, length: f64, fastest: f64) -> Option<MotorS
     Some(MotorSteps::Extruder { whole, first, count })
 }
 
-/// Times of all steps against the exact ones: ticks off at most; and by how much an interval was, as a share of a tick and
-/// a ten-thousandth of it.
+/// Times of all steps against the exact ones: ticks off at most; and by how much an interval was,
+/// as a share of a tick and a ten-thousandth of it.
 fn deviations(
     law: &TimeLaw,
     length: f64,

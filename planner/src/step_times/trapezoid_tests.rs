@@ -56,7 +56,8 @@ impl Exact {
         self.down_start_s + 2.0 * self.down / (self.peak + self.exit)
     }
 
-    /// Time at a path position, ticks; `to_end` is its distance from the end, which must be exact near a standstill.
+    /// Time at a path position, ticks; `to_end` is its distance from the end, which must be exact
+    /// near a standstill.
     fn tick(&self, s: f64, to_end: f64) -> f64 {
         let ramp = |end: f64, s: f64| {
             if s > 0.0 { 2.0 * s / (end + (end * end + 2.0 * self.acceleration * s).sqrt()) } else { 0.0 }
@@ -124,7 +125,8 @@ fn random_block(random: &mut Random) -> PlannedBlock {
 /// Places of the steps, in 1/256 of the extruder's step or halves of the master's.
 struct Steps {
     count: u32,
-    /// Path position of the first, and what is after the last, and from one to the next, as shares of `whole`.
+    /// Path position of the first, and what is after the last, and from one to the next, as
+    /// shares of `whole`.
     first: u64,
     spacing: u64,
     whole: u64,
@@ -146,8 +148,8 @@ fn random_steps(random: &mut Random, planned: &PlannedBlock) -> Steps {
     Steps { count, first: u64::from(first), spacing: 256, whole: u64::from(whole), motor }
 }
 
-/// Largest errors of a block: ticks from f64, and ticks that an interval grew in an acceleration or shrank in a
-/// deceleration.
+/// Largest errors of a block: ticks from f64, and ticks that an interval grew in an acceleration or
+/// shrank in a deceleration.
 fn check(planned: &PlannedBlock, steps: &Steps, random: &mut Random) -> [f64; 2] {
     let exact = Exact::new(planned);
     let law = TimeLaw::<Never>::trapezoid(planned);
@@ -229,7 +231,8 @@ struct Events<'a> {
     phase: i32,
     /// Entries of one call.
     entries: usize,
-    /// The master's steps: ticks off at most, and ticks by which a step in a ramp was not as the ramp wants.
+    /// The master's steps: ticks off at most, and ticks by which a step in a ramp was not
+    /// as the ramp wants.
     worst: [f64; 2],
 }
 

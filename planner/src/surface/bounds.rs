@@ -1,6 +1,7 @@
 //! Limits that the surface sets for a motion in the plane because of Z.
 
-/// Largest slope and bend of a surface, from which follows what Z needs for a speed and an acceleration in the plane.
+/// Largest slope and bend of a surface, from which follows what Z needs for a speed and an
+/// acceleration in the plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceBounds {
     /// Slope along X and along Y.
@@ -53,7 +54,8 @@ impl SurfaceBounds {
         if y > x { y } else { x }
     }
 
-    /// Adds a cell: the heights at its corners and at those of its next ones along X and along Y, and its size, um.
+    /// Adds a cell: the heights at its corners and at those of its next ones along X and along Y,
+    /// and its size, um.
     pub(super) fn add_cell(&mut self, corners: [f32; 4], next: [[f32; 4]; 2], ends: [Ends; 2], [x, y]: [f32; 2]) {
         let (along_x, along_y) = (Slopes::along_x(corners, x), Slopes::along_y(corners, y));
         let ([next_x, next_y], [ends_x, ends_y]) = (next, ends);

@@ -12,7 +12,8 @@ const MAX_POINTS: usize = MAX_MESH_POINTS * MAX_MESH_POINTS;
 /// A point without a height.
 const UNKNOWN: i16 = i16::MIN;
 
-/// The greatest slope of a mesh, either way along X and along Y. A bed that is steeper is crooked, or a point was measured wrong.
+/// The greatest slope of a mesh, either way along X and along Y. A bed that is steeper is crooked,
+/// or a point was measured wrong.
 pub(super) const MAX_SLOPE: f32 = 0.05;
 
 /// Least fade height as a multiple of the greatest height: the nozzle then rises with Z everywhere.
@@ -57,8 +58,9 @@ impl MeshGrid {
     /// No points.
     pub const NONE: Self = Self { from_10nm: [0; 2], spacing_10nm: [1; 2], points: [0; 2] };
 
-    /// Points between the ends of an area along X and along Y, units of 10 nm, the first and the last of them at the ends, less than
-    /// 0.2 um beside the upper one; `None`: too many or too few points, or an area without size.
+    /// Points between the ends of an area along X and along Y, units of 10 nm, the first and the
+    /// last of them at the ends, less than 0.2 um beside the upper one; `None`: too many or too few
+    /// points, or an area without size.
     pub fn over(area_10nm: [[i32; 2]; 2], points: [u8; 2]) -> Option<Self> {
         let mut grid = Self { from_10nm: area_10nm.map(|[from, _]| from), spacing_10nm: [0; 2], points };
         for ((spacing, points), [from, to]) in grid.spacing_10nm.iter_mut().zip(points).zip(area_10nm) {
@@ -88,7 +90,8 @@ pub enum MeshInterpolation {
     /// Bilinear.
     #[default]
     Bilinear,
-    /// Bilinear between more points, whose heights are those of cubic curves through the measured ones: as many as a mesh may have.
+    /// Bilinear between more points, whose heights are those of cubic curves through the measured
+    /// ones: as many as a mesh may have.
     Bicubic,
 }
 
@@ -148,7 +151,8 @@ impl Mesh {
         self.heights_um = [UNKNOWN; MAX_POINTS];
     }
 
-    /// Height of the nozzle at which the correction has faded away, units of 10 nm; 0: it does not fade.
+    /// Height of the nozzle at which the correction has faded away, units of 10 nm; 0:
+    /// it does not fade.
     pub fn fade_10nm(&self) -> i32 {
         self.fade_10nm
     }
@@ -174,8 +178,8 @@ impl Mesh {
         [(x, across), (y, along)].map(|(spacing, parts)| spacing as f32 / f32::from(parts))
     }
 
-    /// Cells by which the surface continues beyond the outermost points along X and along Y: one distance of measured
-    /// points.
+    /// Cells by which the surface continues beyond the outermost points along X and along Y: one
+    /// distance of measured points.
     pub(super) fn beyond(&self) -> [u8; 2] {
         self.parts
     }
@@ -257,13 +261,15 @@ impl Mesh {
         columns > 0 && (0..rows).all(|row| (0..columns).all(|column| self.height_um([column, row]).is_some()))
     }
 
-    /// The greatest height of the surface, including its continuation beyond the grid, units of 10 nm; at least 0.
+    /// The greatest height of the surface, including its continuation beyond the grid, units of
+    /// 10 nm; at least 0.
     pub fn highest_10nm(&self) -> i32 {
         let ([columns, rows], [beyond_x, beyond_y]) = (self.points(), self.beyond().map(i32::from));
         let mut most = 0;
         for row in 0..rows {
             for column in 0..columns {
-                // Neighbour towards the middle, and how many cells the surface continues away from it.
+                // Neighbour towards the middle, and how many cells the surface
+                // continues away from it.
                 let (right, by_x) = outwards(column, columns, beyond_x);
                 let (back, by_y) = outwards(row, rows, beyond_y);
                 let [here, beside, behind, across] =
@@ -351,8 +357,8 @@ struct Line {
     parts: u8,
 }
 
-/// Neighbour of a point towards the middle of a row of `points`, and how many cells to extrapolate outwards (0 except
-/// at the ends).
+/// Neighbour of a point towards the middle of a row of `points`, and how many cells to extrapolate
+/// outwards (0 except at the ends).
 fn outwards(point: u8, points: u8, beyond: i32) -> (u8, i32) {
     match point {
         0 => (1, beyond),
@@ -361,8 +367,9 @@ fn outwards(point: u8, points: u8, beyond: i32) -> (u8, i32) {
     }
 }
 
-/// The cubic curve between the second and the third of four heights at even distances, whose slope at each is that from its neighbour
-/// to its neighbour (Catmull and Rom 1974), at this share of the distance.
+/// The cubic curve between the second and the third of four heights at even distances, whose
+/// slope at each is that from its neighbour to its neighbour (Catmull and Rom 1974), at this
+/// share of the distance.
 fn catmull_rom([before, start, end, after]: [f32; 4], share: f32) -> f32 {
     let linear = end - before;
     let square = 2.0 * before - 5.0 * start + 4.0 * end - after;

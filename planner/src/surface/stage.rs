@@ -10,8 +10,9 @@ use crate::step_queue::{Notice, StepEntry, StepKind};
 /// Z's bit in an axis mask.
 const Z: u8 = 1 << 2;
 
-/// Z steps when the surface is farther away than this, steps. Beyond a half, so that a path along a contour line, of whose
-/// steps each goes a little up or down, does not turn Z with every step: after a step of Z the surface is within a quarter.
+/// Z steps when the surface is farther away than this, steps. Beyond a half, so that a path along a
+/// contour line, of whose steps each goes a little up or down, does not turn Z with every step:
+/// after a step of Z the surface is within a quarter.
 pub(super) const MAX_AWAY: f32 = 0.75;
 
 /// Part of the way to the next step of Z that is left to the rounding of its sum.
@@ -215,7 +216,8 @@ impl BedStage {
         Ok(bounds)
     }
 
-    /// The surface above the plan's zero at a place of the tool, 10 nm, where nothing has faded, in steps of Z.
+    /// The surface above the plan's zero at a place of the tool, 10 nm, where nothing has
+    /// faded, in steps of Z.
     fn surface(&self, [x, y]: [f32; 2]) -> f32 {
         let [from_x, from_y] = self.from_10nm;
         let ([columns, rows], [beyond_x, beyond_y]) = (self.mesh.points(), self.mesh.beyond());
@@ -244,7 +246,8 @@ impl BedStage {
         self.surface([x, y]) * self.left_at(z)
     }
 
-    /// Correction at these motor steps, which include it: `z = plan + h (1 - plan / fade)`, solved for the plan.
+    /// Correction at these motor steps, which include it: `z = plan + h (1 - plan / fade)`,
+    /// solved for the plan.
     fn correction_at(&self, [a, b, z]: [i64; 3]) -> i32 {
         let [step_a, step_b, step_z] = self.steps_10nm;
         let [x, y, _] = self.geometry.kinematics.position([a as f32 * step_a, b as f32 * step_b, 0.0]);
@@ -317,7 +320,8 @@ impl BedStage {
             self.turn_z(self.planned, out);
         }
         out.push(if axes == 0 { StepEntry::wait(interval) } else { StepEntry::event(interval, axes) });
-        // This number of events cannot take the surface out of reach. The cast saturates, also if nothing changes.
+        // This number of events cannot take the surface out of reach. The cast saturates, also if
+        // nothing changes.
         self.sure = ((MAX_AWAY - away.abs()) * ROUNDING / self.per_event) as u32;
         self.waiting.pass_events(1);
     }
@@ -347,8 +351,8 @@ impl BedStage {
     }
 }
 
-/// Cell of a place, in cells from the first point, and the position within it: up to `beyond` cells outside the grid
-/// the outermost cell continues, and from there the surface is level.
+/// Cell of a place, in cells from the first point, and the position within it: up to `beyond` cells
+/// outside the grid the outermost cell continues, and from there the surface is level.
 fn cell(place: f32, points: u8, beyond: u8) -> (u8, f32) {
     let last = points.saturating_sub(2);
     let beyond = f32::from(beyond);

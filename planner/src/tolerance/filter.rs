@@ -3,7 +3,8 @@
 use crate::limits::larger;
 use crate::shaping::{Impulse, Kernel};
 
-/// Points at which two filters are compared; their differences are polygons and parabolas that bend at a few delays.
+/// Points at which two filters are compared; their differences are polygons and parabolas that bend
+/// at a few delays.
 const POINTS: u32 = 128;
 
 /// Measures of a filter, in ticks and squared ticks; of its two sides the larger.
@@ -46,7 +47,8 @@ impl Filter {
     }
 }
 
-/// The integral over |G_x - G_y|, squared ticks: by how much the filters part while the speed changes, for each unit of acceleration.
+/// The integral over |G_x - G_y|, squared ticks: by how much the filters part while the speed
+/// changes, for each unit of acceleration.
 #[cold]
 pub(super) fn apart(x: &Kernel, y: &Kernel, half_average: f32, reach: f32) -> f32 {
     let step = 2.0 * reach / POINTS as f32;
@@ -66,8 +68,8 @@ fn ramp(kernel: &Kernel, half_average: f32, ticks: f32) -> f32 {
     kernel.impulses().iter().map(|one| one.weight as f32 * beyond(after(one), half_average).1).sum()
 }
 
-/// Part above 0 of a variable that is uniformly distributed within `half` of its mean: its probability, mean and
-/// square.
+/// Part above 0 of a variable that is uniformly distributed within `half` of its mean: its
+/// probability, mean and square.
 #[inline(never)]
 fn beyond(mean: f32, half: f32) -> (f32, f32, f32) {
     if mean >= half {
@@ -99,7 +101,8 @@ mod tests {
         for kind in ShaperKind::EXAMPLES {
             let kernel = AxisShaper { kind, frequency_hz: 50.0, damping: 0.0 }.kernel().unwrap_or(Kernel::IDENTITY);
             let filter = Filter::of(&kernel, 0.0);
-            // Filters without damping are symmetric, or nearly: of two unequal sides the larger counts.
+            // Filters without damping are symmetric, or nearly: of two unequal sides
+            // the larger counts.
             let variance = kernel.variance() as f32;
             let per_variance = 4.0 * filter.bend / variance;
             assert!((0.999..1.05).contains(&per_variance) || variance == 0.0, "{kind:?} {filter:?}");

@@ -1,7 +1,8 @@
 //! An axis that its motor moves with play.
 
-/// The play operator, the textbook's model of a drive with backlash (A. Visintin, Differential Models of Hysteresis, Springer 1994,
-/// section III.2): the axis stays until the motor reaches the other side of the play, and goes with it from there.
+/// The play operator, the textbook's model of a drive with backlash (A. Visintin, Differential
+/// Models of Hysteresis, Springer 1994, section III.2): the axis stays until the motor reaches the
+/// other side of the play, and goes with it from there.
 #[derive(Clone, Copy, Debug)]
 pub struct Axis {
     play: i64,

@@ -16,7 +16,8 @@ pub fn play_steps(backlash: &Backlash) -> [i64; 3] {
 #[derive(Clone, Copy, Default)]
 struct Since {
     way_10nm: i64,
-    /// Ticks since the last of the events in which the motor can have taken up play, and how many there were.
+    /// Ticks since the last of the events in which the motor can have taken up play, and how
+    /// many there were.
     ticks: u64,
     events: i64,
     /// Steps of the motor.
@@ -26,11 +27,12 @@ struct Since {
 }
 
 impl Since {
-    /// True if the play is taken up by now, and the axis moves along: one that turned before it was there stays
-    /// where it was until its motor has moved on by the play.
+    /// True if the play is taken up by now, and the axis moves along: one that turned before it was
+    /// there stays where it was until its motor has moved on by the play.
     fn is_far(&self, play: i64, backlash: &Backlash) -> bool {
-        // The last step may be late by some events: where two of them are near each other, none fits between.
-        // A stop may have undone the first of them, and the way to the next one is whole then.
+        // The last step may be late by some events: where two of them are near each other,
+        // none fits between. A stop may have undone the first of them, and the way to the next
+        // one is whole then.
         let far_10nm = (1.1 * backlash.smoothing_mm * MM as f64) as i64 + 20_000;
         self.way_10nm > far_10nm && self.events > 2 * play + 5 && (self.was_in_place || self.steps > play)
     }
@@ -44,7 +46,8 @@ pub struct Axes {
     ways: [i64; 3],
     since: [Since; 3],
     tick: u64,
-    /// Expected offset of an axis from its plan: it begins at the side to which its motor moves first.
+    /// Expected offset of an axis from its plan: it begins at the side to which its
+    /// motor moves first.
     offsets: [Option<i64>; 3],
     /// Events at which an axis had to be at its place.
     pub looked_at: usize,
@@ -72,8 +75,8 @@ impl Axes {
         [0, 1, 2].map(|axis| self.motors[axis] - self.plan[axis])
     }
 
-    /// Takes note of a standstill: the axes are not checked until their motors have moved far enough anew. The motors'
-    /// next event is at this tick or later.
+    /// Takes note of a standstill: the axes are not checked until their motors have moved far
+    /// enough anew. The motors' next event is at this tick or later.
     pub fn rest(&mut self, tick: u64) {
         (self.since, self.tick) = ([Since::default(); 3], tick);
     }
@@ -92,7 +95,8 @@ impl Axes {
         }
     }
 
-    /// Takes an event of the plan, after the motors' steps up to its tick, and checks the places of the axes.
+    /// Takes an event of the plan, after the motors' steps up to its tick, and checks the
+    /// places of the axes.
     pub fn plan(&mut self, (tick, axes, directions): Event, backlash: &Backlash) {
         let way_10nm: i64 =
             (0..3).filter(|axis| axes >> axis & 1 == 1).map(|axis| (MM as f64 / STEPS_PER_MM[axis]) as i64).sum();
@@ -205,7 +209,8 @@ fn an_infill_is_where_it_is_to_be_but_for_the_way_after_a_reversal() {
     assert_eq!(axes.most, 0);
     // Two of the three axes: Z never moves.
     assert!(axes.looked_at * 10 > plain.seen.0.len() * 2 * 8, "{} of {}", axes.looked_at, plain.seen.0.len());
-    // The steps are spread over the way: no two of X's are nearer than half of the time between two of the plan's.
+    // The steps are spread over the way: no two of X's are nearer than half of the time between
+    // two of the plan's.
     let nearest = |events: &[Event]| {
         let ticks: Vec<u64> = events.iter().filter(|event| event.1 & 1 == 1).map(|event| event.0).collect();
         ticks.windows(2).map(|pair| pair[1] - pair[0]).min().unwrap()

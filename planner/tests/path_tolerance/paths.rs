@@ -1,4 +1,5 @@
-//! Random machines and paths: corners of every angle, moves from 10 um on, arcs, spirals, stairs, hairpins, reversals and stops.
+//! Random machines and paths: corners of every angle, moves from 10 um on, arcs, spirals, stairs,
+//! hairpins, reversals and stops.
 
 use ferrostep_random_cases::Random;
 use std::f64::consts::{PI, TAU};
@@ -24,7 +25,8 @@ pub struct Case {
 
 const EXTRUDER_STEPS_PER_MM: f64 = 140.0;
 
-/// The most that there may be: no block has several moves then, and a place is known from the motors to 0.1 um.
+/// The most that there may be: no block has several moves then, and a place is known from the
+/// motors to 0.1 um.
 const FINE_STEPS_PER_MM: f64 = 10_000.0;
 
 impl Case {
@@ -269,7 +271,8 @@ pub fn case(random: &mut Random) -> Case {
     }
 }
 
-/// A case with filament on the way between its lines, and the blocks that are planned of it: each of them as a move of the case.
+/// A case with filament on the way between its lines, and the blocks that are planned of it: each
+/// of them as a move of the case.
 pub fn on_the_way(random: &mut Random) -> (Case, Vec<PlannedBlock>) {
     let mut case = Case { filament_on_the_way: true, steps_per_mm: [FINE_STEPS_PER_MM; 3], ..case(random) };
     let (direction, feed) = (TAU * random.share(), random.magnitude(20.0, 400.0) as f32);

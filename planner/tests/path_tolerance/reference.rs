@@ -194,7 +194,8 @@ impl Filters {
         self.impulses[..3].iter().flatten().flat_map(|one| [one.delay_s - half, one.delay_s + half]).collect()
     }
 
-    /// The filtered accelerations of X and Y, and of the filament; of a filter with a moving average.
+    /// The filtered accelerations of X and Y, and of the filament; of a filter with
+    /// a moving average.
     pub fn accelerations(&self, plan: &Plan, time_s: f64) -> ([f64; 2], f64) {
         let half = 0.5 * self.average_s;
         let of = |axis: usize| -> f64 {

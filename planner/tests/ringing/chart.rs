@@ -1,5 +1,5 @@
-//! Chart of the vibration that shapers leave over the frame's frequency, as small multiples: a panel for each kind, all
-//! on the same axes.
+//! Chart of the vibration that shapers leave over the frame's frequency, as small multiples: a
+//! panel for each kind, all on the same axes.
 
 use std::fmt::Write;
 
@@ -9,8 +9,8 @@ use ferrostep_svg::{escaped, page};
 pub struct Panel {
     /// Name of the kind.
     pub name: &'static str,
-    /// The frame's frequency as a part of the shaper's, what the steps leave, what the formula leaves; both as parts of the
-    /// unshaped vibration.
+    /// The frame's frequency as a part of the shaper's, what the steps leave, what the formula
+    /// leaves; both as parts of the unshaped vibration.
     pub points: Vec<[f64; 3]>,
 }
 

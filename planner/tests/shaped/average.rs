@@ -1,4 +1,5 @@
-//! A law after impulses and a moving average, in f64: the law summed over time, at both ends of the average.
+//! A law after impulses and a moving average, in f64: the law summed over time, at both
+//! ends of the average.
 
 use ferrostep_simulator::law::{Law, Piece, ShapedLaw};
 use ferrostep_simulator::motion::Motion;

@@ -1,5 +1,5 @@
-//! Planned motor positions, worked out in f64: the plan's pieces, and the impulses through which each motor follows
-//! them.
+//! Planned motor positions, worked out in f64: the plan's pieces, and the impulses through which
+//! each motor follows them.
 
 use ferrostep_planner::{
     AxisShaper, Kinematics, PlannedBlock, PressureAdvance, ShaperKind, TICKS_PER_SECOND, smooth_ticks,
@@ -11,7 +11,8 @@ use ferrostep_simulator::shapers::{Impulse, Shaper};
 use super::case::Case;
 use crate::textbook::trapezoid;
 
-/// The parts of a block at a constant acceleration: ticks, speed at the start (10 nm/tick) and acceleration.
+/// The parts of a block at a constant acceleration: ticks, speed at the start (10 nm/tick)
+/// and acceleration.
 fn textbook(planned: &PlannedBlock) -> Vec<[f64; 3]> {
     let second = f64::from(TICKS_PER_SECOND);
     let unit = 100_000.0 / second;
@@ -19,8 +20,8 @@ fn textbook(planned: &PlannedBlock) -> Vec<[f64; 3]> {
     trapezoid(planned).into_iter().map(in_ticks).collect()
 }
 
-/// The parts of a line from rest to rest under an S-curve that reaches its speed, each so short that its acceleration is as
-/// good as constant.
+/// The parts of a line from rest to rest under an S-curve that reaches its speed, each so short
+/// that its acceleration is as good as constant.
 fn s_curve(planned: &PlannedBlock, jerk_mm_per_s3: f64) -> Vec<[f64; 3]> {
     const PARTS: usize = 4_000;
     let second = f64::from(TICKS_PER_SECOND);
@@ -56,8 +57,9 @@ fn s_curve(planned: &PlannedBlock, jerk_mm_per_s3: f64) -> Vec<[f64; 3]> {
     parts
 }
 
-/// The advance while the filament moves at a constant acceleration from this speed on, summed over time from `sum` on: steps times
-/// ticks. Two pieces where the filament passes the speed at which the slope changes.
+/// The advance while the filament moves at a constant acceleration from this speed on, summed over
+/// time from `sum` on: steps times ticks. Two pieces where the filament passes the speed at which
+/// the slope changes.
 fn advance_pieces(
     advance: &PressureAdvance,
     start: f64,
@@ -92,8 +94,8 @@ fn advance_pieces(
     pieces
 }
 
-/// The laws of X, Y, Z (of CoreXY half the sum and difference of A and B), the extruder, and its advance summed over time, in
-/// steps and ticks.
+/// The laws of X, Y, Z (of CoreXY half the sum and difference of A and B), the extruder, and its
+/// advance summed over time, in steps and ticks.
 pub fn laws(case: &Case, blocks: &[PlannedBlock]) -> Option<([Law; 5], u64)> {
     let mut pieces: [Vec<Piece>; 5] = Default::default();
     let mut advance_sum = 0.0;
@@ -180,7 +182,8 @@ pub fn laws(case: &Case, blocks: &[PlannedBlock]) -> Option<([Law; 5], u64)> {
         }
         clock += time.round() as u64;
     }
-    // The joints of blocks are at whole ticks: the times are in ticks here, and a law's joints must be exact.
+    // The joints of blocks are at whole ticks: the times are in ticks here, and a law's
+    // joints must be exact.
     for list in &mut pieces {
         for index in 1..list.len() {
             let next = list[index].start_s;
@@ -193,7 +196,8 @@ pub fn laws(case: &Case, blocks: &[PlannedBlock]) -> Option<([Law; 5], u64)> {
     Some((laws, clock))
 }
 
-/// Impulses in ticks, as late as the later of two shapers, and those of the advance's sum. The moving average of the others begins at them.
+/// Impulses in ticks, as late as the later of two shapers, and those of the advance's sum. The
+/// moving average of the others begins at them.
 pub fn impulses(case: &Case) -> [Vec<Impulse>; 5] {
     let shaper = |axis: usize| {
         let AxisShaper { kind, frequency_hz, damping } = case.shapers[axis];
@@ -226,7 +230,8 @@ pub fn impulses(case: &Case) -> [Vec<Impulse>; 5] {
     let spread = 0.9 * f64::from(((12.0 * path + smooth * smooth) as f32).sqrt());
     let average = smooth_time_s.map_or(spread.max(0.008 * second), |time_s| time_s * second);
     let half = if case.pressure_advance.is_some() { (0.5 * average).round() } else { 0.0 };
-    // Filament of the path's variance is as early as the advance; the advance alone may be early by half of the average.
+    // Filament of the path's variance is as early as the advance; the advance alone may be early by
+    // half of the average.
     let least = if path > 0.0 { half } else { (half - 0.5 * smooth).max(0.0) };
     let late = centroid(&x).max(centroid(&y)).max(least);
     let moved = |impulses: &[Impulse]| -> Vec<Impulse> {
@@ -242,7 +247,8 @@ pub fn impulses(case: &Case) -> [Vec<Impulse>; 5] {
         let [sooner, later] = [middle - half, middle + half];
         vec![Impulse { weight, delay_s: sooner }, Impulse { weight: -weight, delay_s: later }]
     };
-    // Filament has the path's variance: by the part of it that is half an average early, and as much late.
+    // Filament has the path's variance: by the part of it that is half an average early,
+    // and as much late.
     let outer = if half == 0.0 { 0.0 } else { (0.5 * path / (half * half)).min(0.5) };
     let filament = [(-half, outer), (0.0, 1.0 - 2.0 * outer), (half, outer)]
         .map(|(from_late, weight)| Impulse { weight, delay_s: late.round() + from_late });

@@ -6,8 +6,8 @@ use ferrostep_planner::{Kinematics, Move};
 use crate::surface::machine::{MM, Machine, Z};
 use crate::surface::meshes::mesh_between;
 
-/// A bed that is bent like a wave: the largest distance between it and the surface that Z follows, mm, by the motors' steps on rows of
-/// moves over all of the mesh.
+/// A bed that is bent like a wave: the largest distance between it and the surface that Z follows,
+/// mm, by the motors' steps on rows of moves over all of the mesh.
 fn gap_mm(interpolation: MeshInterpolation, points: u8, bed_mm: impl Fn([f64; 2]) -> f64) -> f64 {
     let machine = Machine::new(Kinematics::Cartesian);
     let grid = MeshGrid::over([[2_000_000, 12_000_000]; 2], [points; 2]).unwrap();

@@ -11,7 +11,8 @@ use crate::surface::reference::Surface;
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// X, Y and the extruder keep their steps and times to the tick, and Z is at the surface at every event.
+    /// X, Y and the extruder keep their steps and times to the tick, and Z is at the
+    /// surface at every event.
     #[test]
     fn only_z_changes_and_it_is_at_the_surface(
         mesh in any_mesh(), path in any_path(), core in any::<bool>(), shaped in any::<bool>(),
@@ -46,8 +47,9 @@ fn check_surface(
     // Initial position of Z's motor.
     let mut z = issued;
     let mut events = followed.seen.0.iter().peekable();
-    // Three quarters of a step. Where the plan steps Z too, and events are so near to each other that no step fits between, the
-    // next one makes the step: the surface is a little farther away until then.
+    // Three quarters of a step. Where the plan steps Z too, and events are so near to each other
+    // that no step fits between, the next one makes the step: the surface is a little farther
+    // away until then.
     const MOST: [f64; 2] = [0.75 + 0.01, 1.0];
     let mut before = 0;
     for (tick, axes, directions) in plain {
@@ -72,7 +74,8 @@ fn check_surface(
 }
 
 proptest! {
-    /// The surface is at the measured points where they were measured, whatever is between them; and never higher than it says.
+    /// The surface is at the measured points where they were measured, whatever is between them;
+    /// and never higher than it says.
     #[test]
     fn curves_pass_through_the_measured_points(mesh in any_mesh(), at in [0.0f64..1.0, 0.0..1.0]) {
         let machine = Machine::new(Kinematics::Cartesian);

@@ -12,8 +12,9 @@ fn z_steps(sink: &Sink) -> Vec<(f64, f64)> {
     of_z.map(|(tick, _, back)| (*tick as f64 / second, if back & Z == 0 { 1.0 } else { -1.0 })).collect()
 }
 
-/// Greatest speed and acceleration of Z, mm/s and mm/s^2, by its steps, over windows of `window` steps on each side,
-/// all of one sign: the times of steps are rounded to those of other events, which a shorter window would show.
+/// Greatest speed and acceleration of Z, mm/s and mm/s^2, by its steps, over windows of `window`
+/// steps on each side, all of one sign: the times of steps are rounded to those of other events,
+/// which a shorter window would show.
 fn fastest(steps: &[(f64, f64)], window: usize, steps_per_mm: f64) -> (f64, f64) {
     let mut most = (0.0f64, 0.0f64);
     for part in steps.windows(2 * window + 1) {
@@ -45,7 +46,8 @@ fn z_keeps_its_limits_on_a_slope() {
     let (speed, acceleration) = fastest(&z_steps(&machine.run(START, &path, Some(&mesh), true)), 30, 400.0);
     assert!((1.96..2.02).contains(&speed), "{speed} mm/s");
     assert!((5.7..6.3).contains(&acceleration), "{acceleration} mm/s^2");
-    // Speed and acceleration would be 3 mm/s and 100 mm/s^2 without the bounds; these windows see a part of that.
+    // Speed and acceleration would be 3 mm/s and 100 mm/s^2 without the bounds; these windows
+    // see a part of that.
     let (speed, acceleration) = fastest(&z_steps(&machine.run(START, &path, Some(&mesh), false)), 30, 400.0);
     assert!(speed > 2.9 && acceleration > 20.0, "{speed} mm/s, {acceleration} mm/s^2");
     // A Z that is fast enough slows nothing down.

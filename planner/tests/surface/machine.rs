@@ -120,7 +120,8 @@ impl Machine {
         planner
     }
 
-    /// The steps of moves from a place, with the mesh if there is one, and if `keeps`, within Z's limits.
+    /// The steps of moves from a place, with the mesh if there is one, and if `keeps`,
+    /// within Z's limits.
     pub fn run(&self, start_10nm: [i64; 3], moves: &[Move], mesh: Option<&Mesh>, keeps: bool) -> Sink {
         let mut planner = self.planner(start_10nm);
         let geometry = self.geometry();

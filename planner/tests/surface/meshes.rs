@@ -27,14 +27,16 @@ pub fn any_mesh() -> impl Strategy<Value = Mesh> {
     let fade = prop_oneof![Just(0i32), 200_000i32..1_500_000];
     let between = prop_oneof![Just(MeshInterpolation::Bilinear), Just(MeshInterpolation::Bicubic)];
     (between, points, proptest::collection::vec(-150i16..150, 36), fade).prop_map(|(between, points, heights, fade)| {
-        // Curves through such heights, and their continuations beyond them, are steeper than straight lines.
+        // Curves through such heights, and their continuations beyond them, are steeper
+        // than straight lines.
         let share = if between == MeshInterpolation::Bicubic { 4 } else { 1 };
         let heights: Vec<_> = heights.into_iter().map(|height| height / share).collect();
         mesh_between(between, points, &heights, fade)
     })
 }
 
-/// Paths within 0 and 140 mm, beyond the mesh too; now and then Z moves, alone or along, and the filament alone.
+/// Paths within 0 and 140 mm, beyond the mesh too; now and then Z moves, alone or along, and
+/// the filament alone.
 pub fn any_path() -> impl Strategy<Value = Vec<Move>> {
     let length = prop_oneof![1 => -200i64..200, 3 => -3 * MM..3 * MM, 2 => -60 * MM..60 * MM];
     let step = (length.clone(), length, -MM..MM);

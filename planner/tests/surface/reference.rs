@@ -14,8 +14,9 @@ pub struct Surface<'a> {
     pub steps_per_mm: f64,
 }
 
-/// Heights at even distances, and between each two `parts` - 1 more on the cubic curves that have there the mean of the slopes to both
-/// neighbours (at the ends the slope of the parabola through three): Hermite's form. As the mesh has them, to a um.
+/// Heights at even distances, and between each two `parts` - 1 more on the cubic curves that have
+/// there the mean of the slopes to both neighbours (at the ends the slope of the parabola through
+/// three): Hermite's form. As the mesh has them, to a um.
 fn curve(heights: &[f64], parts: u8) -> Vec<f64> {
     let last = heights.len() - 1;
     let slope = |at: usize| match at {

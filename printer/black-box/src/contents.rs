@@ -165,7 +165,8 @@ fn slot(bytes: &mut &[u8], reload: u32) -> Option<PastSlot> {
 }
 
 impl<'a> Contents<'a> {
-    /// Reads the bytes of a black box, and checks all of them but the records, each of which has its own check.
+    /// Reads the bytes of a black box, and checks all of them but the records, each of which
+    /// has its own check.
     ///
     /// # Errors
     /// [`ReadError`]

@@ -1,7 +1,8 @@
-//! The black box as lines of text, made while they are sent: from the memories themselves, without a copy.
+//! The black box as lines of text, made while they are sent: from the memories
+//! themselves, without a copy.
 //!
-//! A line is `blackbox:NUMBER:BASE64`, 45 bytes in 60 characters, numbered from 0; the last is `blackbox:end:LINES`. Other lines may come
-//! in between. The bytes, little-endian:
+//! A line is `blackbox:NUMBER:BASE64`, 45 bytes in 60 characters, numbered from 0; the last is
+//! `blackbox:end:LINES`. Other lines may come in between. The bytes, little-endian:
 //!
 //! | | |
 //! |---|---|

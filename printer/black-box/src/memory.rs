@@ -1,7 +1,8 @@
 //! The ring of records, in 4 KiB that no start of the program fills.
 //!
-//! All accesses are loads and stores of relaxed atomics, which on a Cortex-M are plain ones; one task writes at a time. A reset may
-//! come between any two stores: the ring's ends are stored twice, each with its complement, and after the bytes that they enclose.
+//! All accesses are loads and stores of relaxed atomics, which on a Cortex-M are plain ones; one
+//! task writes at a time. A reset may come between any two stores: the ring's ends are stored
+//! twice, each with its complement, and after the bytes that they enclose.
 
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering, compiler_fence};
 
@@ -66,8 +67,9 @@ impl RecordMemory {
         }
     }
 
-    /// Must be called once at the start, before all else. `motions` is the number of motions that the step queue has
-    /// begun: with records of the previous program, nothing is recorded until there are more.
+    /// Must be called once at the start, before all else. `motions` is the number of motions
+    /// that the step queue has begun: with records of the previous program, nothing is recorded
+    /// until there are more.
     pub fn restart(&self, motions: u32) -> Found {
         if self.marker.load(Ordering::Relaxed) == MARKER && self.is_consistent() {
             self.freeze(motions);
@@ -97,8 +99,8 @@ impl RecordMemory {
         self.frozen.store(1, Ordering::Relaxed);
     }
 
-    /// Records, unless a halt or a reset has ended that and nothing has moved since; the motion after it begins anew. The oldest records
-    /// make room.
+    /// Records, unless a halt or a reset has ended that and nothing has moved since; the motion
+    /// after it begins anew. The oldest records make room.
     pub fn record(&self, now_ms: u32, motions: u32, record: &Record<'_>) {
         if self.frozen.load(Ordering::Relaxed) != 0 {
             if motions == self.motions.load(Ordering::Relaxed) {
@@ -109,7 +111,8 @@ impl RecordMemory {
         self.add(now_ms, record);
     }
 
-    /// Records what belongs to the past although the recording has ended: why it has. Its time is the newest known, unless it is given.
+    /// Records what belongs to the past although the recording has ended: why it has. Its time is
+    /// the newest known, unless it is given.
     pub fn add_last(&self, now_ms: Option<u32>, record: &Record<'_>) {
         self.add(now_ms.unwrap_or_else(|| self.newest_ms.load(Ordering::Relaxed)), record);
     }
@@ -263,7 +266,8 @@ mod tests {
             prop_assert_eq!(memory.restart(0), Found::Records);
         }
 
-        /// Whatever the memory holds at power-on: it is set up anew, or it is what a program has left.
+        /// Whatever the memory holds at power-on: it is set up anew, or it is what a
+        /// program has left.
         #[test]
         fn anything_can_be_found(words in any::<[u32; 5]>(), marked: bool, filling in prop::collection::vec(any::<u8>(), 1..300)) {
             let memory = RecordMemory::new();
@@ -284,7 +288,8 @@ mod tests {
             prop_assert_eq!(last, Some(Stamped { now_ms: 1, record: Record::Halt(b"end") }));
         }
 
-        /// A reset after any store of a record: all records before it are there, and the new one wholly or not at all.
+        /// A reset after any store of a record: all records before it are there, and the new one
+        /// wholly or not at all.
         #[test]
         fn a_reset_may_come_at_any_store(before in prop::collection::vec(any_text(), 0..120), at in 0_usize..4) {
             let memory = RecordMemory::new();

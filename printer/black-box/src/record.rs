@@ -44,7 +44,8 @@ pub struct HeaterSample {
 }
 
 impl HeaterSample {
-    /// Converts degrees and a share of full power; values outside the types' ranges become the nearest end.
+    /// Converts degrees and a share of full power; values outside the types' ranges become
+    /// the nearest end.
     pub fn new(celsius: f32, target_celsius: f32, power: f32) -> Self {
         // Casts of floats stop at the ends of the range.
         let tenths = |celsius: f32| (celsius * 10.0) as i16;
@@ -83,7 +84,8 @@ pub enum Record<'a> {
     Driver(&'a [u8]),
     /// The machine was halted, for this reason.
     Halt(&'a [u8]),
-    /// The chip started again, after this cause. Its time is that of the program before, as far as it is known.
+    /// The chip started again, after this cause. Its time is that of the program before, as
+    /// far as it is known.
     Reset(&'a [u8]),
     /// The last words of the program that a panic or a fault has ended.
     LastWords(&'a [u8]),
@@ -158,8 +160,8 @@ pub struct Stamped<'a> {
     pub record: Record<'a>,
 }
 
-/// Reads records one after the other. `None` in place of a record means that it is damaged, or of a kind that this
-/// program does not know.
+/// Reads records one after the other. `None` in place of a record means that it is damaged, or of a
+/// kind that this program does not know.
 #[derive(Clone, Debug)]
 pub struct RecordReader<'a>(pub &'a [u8]);
 

@@ -1,8 +1,9 @@
 //! Guards embedded-sdmmc from a damaged card, on which it would panic or read without end.
 //!
-//! embedded-sdmmc 0.10 trusts a card: a folder whose chain of clusters is a ring is read endlessly, half of a surrogate
-//! pair in a long name or a cluster number of more than 28 bits panics. The guard passes every block on. It has a
-//! budget of blocks for each task, refuses blocks that the card does not have, and repairs the entries of folders.
+//! embedded-sdmmc 0.10 trusts a card: a folder whose chain of clusters is a ring is read endlessly,
+//! half of a surrogate pair in a long name or a cluster number of more than 28 bits panics. The
+//! guard passes every block on. It has a budget of blocks for each task, refuses blocks that the
+//! card does not have, and repairs the entries of folders.
 
 use core::cell::Cell;
 
@@ -39,14 +40,15 @@ pub struct Tables {
     pub blocks: u32,
 }
 
-/// The guard of a slot. Where the card has no table of partitions, as some are formatted, it makes one up: block 0 is that
-/// table, and the card's own blocks follow.
+/// The guard of a slot. Where the card has no table of partitions, as some are formatted, it makes
+/// one up: block 0 is that table, and the card's own blocks follow.
 pub struct Guard<S> {
     slot: S,
     budget: Cell<u32>,
     purpose: Cell<Purpose>,
     tables: Cell<Tables>,
-    /// The block after the volume's last one; without a mounted volume, the card's number of blocks.
+    /// The block after the volume's last one; without a mounted volume, the card's
+    /// number of blocks.
     end: Cell<u32>,
     /// A block after the end was asked for.
     passed_end: Cell<bool>,
@@ -89,20 +91,21 @@ impl<S: CardSlot> Guard<S> {
         self.is_whole.set(false);
     }
 
-    /// Sets the place of the volume's tables, which are not folders, and the block after its last one.
+    /// Sets the place of the volume's tables, which are not folders, and the block
+    /// after its last one.
     pub fn set_volume(&self, tables: Tables, end: u32) {
         self.tables.set(tables);
         self.end.set(end);
     }
 
-    /// Returns true if a block after the volume's end was asked for since the last call: embedded-sdmmc 0.10 takes a
-    /// free place at the end of the table of clusters for a cluster.
+    /// Returns true if a block after the volume's end was asked for since the last call:
+    /// embedded-sdmmc 0.10 takes a free place at the end of the table of clusters for a cluster.
     pub fn take_passed_end(&self) -> bool {
         self.passed_end.take()
     }
 
-    /// Returns why a block could not be read or written since the last call: embedded-sdmmc 0.10 takes a chain of
-    /// clusters whose next number cannot be read for one that ends there.
+    /// Returns why a block could not be read or written since the last call: embedded-sdmmc 0.10
+    /// takes a chain of clusters whose next number cannot be read for one that ends there.
     pub fn take_failed(&self) -> Option<CardError> {
         self.failed.take()
     }
@@ -167,7 +170,8 @@ fn made_up_partitions(block: &mut Block, card_blocks: u32) {
     }
 }
 
-/// Repairs a folder's entries: cluster numbers get 28 bits, and no part of a long name begins with half a pair.
+/// Repairs a folder's entries: cluster numbers get 28 bits, and no part of a long name begins
+/// with half a pair.
 fn mend_folder(block: &mut Block, names_too: bool) {
     for slot in block.contents.as_chunks_mut::<SLOT_BYTES>().0 {
         let is_name = slot.get(ATTRIBUTES).is_some_and(|attributes| attributes & 0x3F == LONG_NAME);

@@ -1,8 +1,10 @@
-//! The place of a print, kept on its card against a power cut: a file of two blocks, which are written in turn.
+//! The place of a print, kept on its card against a power cut: a file of two blocks, which are
+//! written in turn.
 //!
-//! A block counts with its checksum only, and the newer of two counts. A block that the cut has spoilt therefore leaves the one
-//! before. Neither the table of clusters nor a folder is written meanwhile. The place itself are bytes of the printer; here the
-//! print's file is added to them, by which it is known again.
+//! A block counts with its checksum only, and the newer of two counts. A block that the cut has
+//! spoilt therefore leaves the one before. Neither the table of clusters nor a folder is written
+//! meanwhile. The place itself are bytes of the printer; here the print's file is added to them, by
+//! which it is known again.
 
 use embedded_sdmmc::RawFile;
 use ferrostep_hal_shim::card::{Block, BlockDevice, BlockIdx, CardSlot};
@@ -25,8 +27,9 @@ const MAGIC: [u8; 4] = *b"FSPL";
 const VERSION: u8 = 1;
 const FILE_BYTES: u32 = 2 * Block::LEN_U32;
 
-// Layout of a block, little endian: magic, version, length of the path, length of the place, sequence number, length of the print's
-// file, CRC of its first block, path, place, and at the end the CRC of all before.
+// Layout of a block, little endian: magic, version, length of the path, length of the place,
+// sequence number, length of the print's file, CRC of its first block, path, place, and at the end
+// the CRC of all before.
 const PATH_AT: usize = 20;
 const PLACE_AT: usize = PATH_AT + SHORT_PATH_BYTES;
 const CRC_AT: usize = Block::LEN - 4;
@@ -120,8 +123,8 @@ fn parse(bytes: &[u8; Block::LEN]) -> Option<(u32, Option<Stored>)> {
 /// Finds the file, and what it keeps.
 ///
 /// # Errors
-/// [`CardFailure::NotFound`] without one, [`CardFailure::OtherFile`] if another program has written it; the card cannot
-/// be read.
+/// [`CardFailure::NotFound`] without one, [`CardFailure::OtherFile`] if another program has written
+/// it; the card cannot be read.
 pub fn locate<S: CardSlot>(manager: &Manager<S>, mounted: &Mounted) -> Result<(KeptFile, Option<Stored>), CardFailure> {
     let (file, size) = open(manager, mounted, KEPT_NAME)?;
     let mut kept = KeptFile { blocks: [BlockIdx(0); 2], turn: false, sequence: 0 };
@@ -157,8 +160,8 @@ pub fn locate<S: CardSlot>(manager: &Manager<S>, mounted: &Mounted) -> Result<(K
     }
 }
 
-/// Reads a block of the file, and makes sure that it is the one that the guard has seen: it will be written without the table of
-/// clusters.
+/// Reads a block of the file, and makes sure that it is the one that the guard has seen: it will be
+/// written without the table of clusters.
 fn read_at<S: CardSlot>(manager: &Manager<S>, file: RawFile, at: u32, block: &mut Block) -> Result<(), CardFailure> {
     read_block(manager, file, at, &mut block.contents)?;
     manager.device(|guard| {

@@ -18,7 +18,8 @@ pub const LONG_PATH_BYTES: usize = 256;
 pub const PAGE_BYTES: usize = 512;
 /// Maximum of files in a list: the folders of a damaged card may contain each other.
 const MAX_FILES: u16 = 4096;
-/// Maximum of blocks read for a list; a folder of 1000 files with long names takes 12,000, as every page looks through it anew.
+/// Maximum of blocks read for a list; a folder of 1000 files with long names takes 12,000, as every
+/// page looks through it anew.
 const MAX_BLOCKS: u32 = 65_536;
 
 /// A path of short names.
@@ -111,8 +112,8 @@ fn names(entry: &DirEntry, long: Option<&str>) -> Option<Names> {
     (!names.long.starts_with('.')).then_some(names)
 }
 
-/// True if a file may be printed: extensions that begin with a G, as Marlin lists it (GCO, G, GPR of prepared jobs),
-/// and BGC.
+/// True if a file may be printed: extensions that begin with a G, as Marlin lists it (GCO, G, GPR
+/// of prepared jobs), and BGC.
 fn is_job(entry: &DirEntry) -> bool {
     let extension = entry.name.extension();
     matches!(extension.first(), Some(b'G' | b'g')) || extension.eq_ignore_ascii_case(b"BGC")
@@ -137,7 +138,8 @@ fn write_line(
     page.write_char('\n')
 }
 
-/// Fills a page with the lines that follow, and moves the cursor; `false` where the list has ended with it.
+/// Fills a page with the lines that follow, and moves the cursor; `false` where the list
+/// has ended with it.
 ///
 /// # Errors
 /// The card cannot be read.
@@ -203,7 +205,8 @@ fn look<S: CardSlot>(
                 let length = page.len();
                 if write_line(page, (&short, &long), entry, &names, options).is_err() {
                     page.truncate(length);
-                    // A page has room for any line; if one does not fit all the same, the file is left out.
+                    // A page has room for any line; if one does not fit all the same, the
+                    // file is left out.
                     if length > 0 {
                         step = Step::Full;
                         return ControlFlow::Break(());

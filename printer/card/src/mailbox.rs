@@ -1,4 +1,5 @@
-//! Requests and answers between printer and card task, and blocks that are read ahead or wait to be written.
+//! Requests and answers between printer and card task, and blocks that are read ahead or
+//! wait to be written.
 //!
 //! No call of the printer waits for the card: it asks, and polls for the answer.
 
@@ -33,13 +34,14 @@ pub enum Request {
     Delete(LongPath),
     /// The path's long names.
     LongPath(LongPath),
-    /// Have a file on the card that keeps the place of the print whose file is open; `fresh`: it begins, and an older print's place
-    /// is forgotten.
+    /// Have a file on the card that keeps the place of the print whose file is open; `fresh`: it
+    /// begins, and an older print's place is forgotten.
     BeginKeeping {
         /// The print begins.
         fresh: bool,
     },
-    /// Open the file of the print whose place is kept ([`Mailbox::kept`]); the page is its path, even if it cannot be opened.
+    /// Open the file of the print whose place is kept ([`Mailbox::kept`]); the page is its path,
+    /// even if it cannot be opened.
     OpenKept,
 }
 
@@ -175,7 +177,8 @@ impl Mailbox {
         }
     }
 
-    /// Place of a print, as the printer writes it: the one read last, or to be written. Empty without one.
+    /// Place of a print, as the printer writes it: the one read last, or to be written.
+    /// Empty without one.
     pub fn kept(&self) -> &Kept {
         &self.kept
     }
@@ -197,7 +200,8 @@ impl Mailbox {
         !self.kept.is_empty()
     }
 
-    /// Lets the card's task write the place. It never waits: until then the card keeps the one before.
+    /// Lets the card's task write the place. It never waits: until then the card
+    /// keeps the one before.
     pub fn keep(&mut self) {
         self.keeps = true;
     }
@@ -207,7 +211,8 @@ impl Mailbox {
         self.keeps
     }
 
-    /// Takes why the place could not be written. No other is written until [`Request::BeginKeeping`].
+    /// Takes why the place could not be written. No other is written until
+    /// [`Request::BeginKeeping`].
     pub fn take_keep_failure(&mut self) -> Option<CardFailure> {
         self.keep_failure.take()
     }
@@ -351,7 +356,8 @@ impl Mailbox {
         self.stream == Stream::Writing && first.filled == Block::LEN
     }
 
-    /// Copies the block that is to be written next and returns its length. `all`: also one that is not full.
+    /// Copies the block that is to be written next and returns its length. `all`: also one
+    /// that is not full.
     pub(crate) fn take_block(&mut self, out: &mut [u8; Block::LEN], all: bool) -> usize {
         let [first, second] = &mut self.buffers;
         if self.stream != Stream::Writing || first.filled < if all { 1 } else { Block::LEN } {

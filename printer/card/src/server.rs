@@ -63,7 +63,8 @@ impl<S: CardSlot> CardServer<S> {
         self.read_ahead(mailbox) || self.keep(mailbox) || self.write_behind(mailbox, false).unwrap_or(true)
     }
 
-    /// The answer, unless a block could not be read that it needed, and embedded-sdmmc went on without.
+    /// The answer, unless a block could not be read that it needed, and embedded-sdmmc
+    /// went on without.
     fn checked(
         &mut self,
         answer: Result<Answer, CardFailure>,
@@ -361,7 +362,8 @@ impl<S: CardSlot> CardServer<S> {
         Ok(Answer::Done)
     }
 
-    /// Creates the file with both its blocks, so that no table or folder changes while a print's place is kept.
+    /// Creates the file with both its blocks, so that no table or folder changes while a
+    /// print's place is kept.
     fn create_kept(&mut self, mounted: &Mounted) -> Result<KeptFile, CardFailure> {
         let file = self.create(&LongPath::try_from(KEPT_NAME).map_err(|_| CardFailure::BadName)?)?;
         self.manager.device(|guard| guard.begin(Purpose::Data, mounted.budget()));

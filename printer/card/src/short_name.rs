@@ -2,7 +2,8 @@
 
 use embedded_sdmmc::DirEntry;
 
-/// A short name as hosts read and send it: ASCII only, since the code page of other letters is unknown.
+/// A short name as hosts read and send it: ASCII only, since the code page of other
+/// letters is unknown.
 pub fn short_name(entry: &DirEntry) -> heapless::String<16> {
     let mut name = heapless::String::new();
     let part = |name: &mut heapless::String<16>, bytes: &[u8]| {

@@ -13,7 +13,8 @@ use crate::volume::{Manager, Mounted, close, find, open_folder, split_file};
 pub const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 const BLOCK_BYTES: u32 = Block::LEN_U32;
 
-/// Identifies a file after its card was pulled out: path, length, and its first and last blocks that were read.
+/// Identifies a file after its card was pulled out: path, length, and its first and last
+/// blocks that were read.
 #[derive(Clone, Debug)]
 pub struct Source {
     path: ShortPath,
@@ -36,8 +37,8 @@ impl Source {
         self.first_crc.map(|crc| (&self.path, self.size, crc))
     }
 
-    /// Length of the file, and the CRC of its first block, which is read if it was not yet: they identify the file
-    /// after a reset.
+    /// Length of the file, and the CRC of its first block, which is read if it was not yet: they
+    /// identify the file after a reset.
     ///
     /// # Errors
     /// The card cannot be read.
@@ -52,7 +53,8 @@ impl Source {
         Ok((self.size, crc))
     }
 
-    /// Reads up to the end of the present block; returns the number of bytes, 0 at the end of the file.
+    /// Reads up to the end of the present block; returns the number of bytes, 0 at the
+    /// end of the file.
     ///
     /// # Errors
     /// The card cannot be read; the place is unchanged.

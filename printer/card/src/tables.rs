@@ -25,8 +25,8 @@ pub fn first_cluster<S: CardSlot>(
     Ok(if mounted.layout.is_fat32 { low | byte(20) << 16 | (byte(21) & 0x0F) << 24 } else { low })
 }
 
-/// Frees the chain of clusters from this one on, in all tables. A chain that leaves the volume, comes to a free cluster or is
-/// longer than the volume ends there.
+/// Frees the chain of clusters from this one on, in all tables. A chain that leaves the volume,
+/// comes to a free cluster or is longer than the volume ends there.
 ///
 /// # Errors
 /// The card cannot be read or written.

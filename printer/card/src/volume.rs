@@ -30,7 +30,8 @@ impl TimeSource for NoClock {
     }
 }
 
-/// Files that are open at a time: the one that is printed or written, and for a moment the one that keeps its place.
+/// Files that are open at a time: the one that is printed or written, and for a moment the one that
+/// keeps its place.
 const OPEN_FILES: usize = 2;
 
 /// embedded-sdmmc's volumes.

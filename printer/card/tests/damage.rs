@@ -113,7 +113,8 @@ fn known_traps_are_refused() {
         let card = Card::new(VirtualCard::new(bytes));
         use_everything(&card);
 
-        // Half of a surrogate pair at the beginning of every part of a name, cluster numbers of 32 bits.
+        // Half of a surrogate pair at the beginning of every part of a name, cluster
+        // numbers of 32 bits.
         let mut bytes = image(name);
         for slot in (start * 512..bytes.len() - 32).step_by(32) {
             let is_name = bytes[slot + 11] == 0x0F && bytes[slot + 12] == 0;
@@ -226,8 +227,9 @@ fn damaged_data_and_bad_blocks_end_a_task() {
     }
 }
 
-/// A list is whole, or says that a block could not be read; and a file that is there is not taken for missing. embedded-sdmmc takes a
-/// chain of clusters whose next number cannot be read for one that ends there.
+/// A list is whole, or says that a block could not be read; and a file that is there is not taken
+/// for missing. embedded-sdmmc takes a chain of clusters whose next number cannot be read for one
+/// that ends there.
 #[test]
 fn a_block_that_cannot_be_read_shortens_no_list() {
     // The volume's beginning, its table of clusters and its first folders.

@@ -1,4 +1,5 @@
-//! Cards that mkfs.fat and mtools have written are read as mtools reads them. The other way round: `tests/outside`.
+//! Cards that mkfs.fat and mtools have written are read as mtools reads them. The other way round:
+//! `tests/outside`.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::path::Path;

@@ -102,8 +102,9 @@ fn another_file_is_not_gone_on_with() {
     assert_eq!(ask(&card, Request::OpenKept), Err(CardFailure::OtherFile));
 }
 
-/// A cut at every byte of a block that is being written, over many saves. What follows the cut is the old block, noise, or nothing that
-/// can be read. A run tries a share of the bytes; before the first and after the last byte the power always goes.
+/// A cut at every byte of a block that is being written, over many saves. What follows the cut is
+/// the old block, noise, or nothing that can be read. A run tries a share of the bytes; before the
+/// first and after the last byte the power always goes.
 #[test]
 fn a_cut_at_any_byte_of_a_save_leaves_the_old_place_or_the_new_one() {
     const SAVES: u64 = 100;
@@ -157,8 +158,8 @@ fn a_cut_at_any_byte_of_a_save_leaves_the_old_place_or_the_new_one() {
     println!("{cuts} cuts");
 }
 
-/// The file is created once for each card. A cut at each of the blocks that are written for it leaves a card whose files are as they
-/// were, and the next print creates it.
+/// The file is created once for each card. A cut at each of the blocks that are written for it
+/// leaves a card whose files are as they were, and the next print creates it.
 #[test]
 fn a_cut_while_the_file_is_created_harms_no_other_file() {
     for name in IMAGES {

@@ -65,9 +65,11 @@ pub enum BedCommand {
         /// Q.
         adds: bool,
     },
-    /// G35, SCREWS_TILT_CALCULATE: probes the bed above its screws, and says by how much to turn each.
+    /// G35, SCREWS_TILT_CALCULATE: probes the bed above its screws, and says by how
+    /// much to turn each.
     Screws,
-    /// G34, Z_TILT_ADJUST, QUAD_GANTRY_LEVEL: probes the bed, and moves each of Z's motors until it is level to the axes.
+    /// G34, Z_TILT_ADJUST, QUAD_GANTRY_LEVEL: probes the bed, and moves each of Z's motors until it
+    /// is level to the axes.
     Align {
         /// I, or RETRIES and one more: how often they may be moved.
         rounds: Option<u8>,

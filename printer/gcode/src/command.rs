@@ -67,7 +67,8 @@ pub enum Command<'a> {
         /// Seconds.
         seconds: u64,
     },
-    /// M85 S, M86 S: seconds without a line and without motion after which heaters go off, 0 = never; without S a query.
+    /// M85 S, M86 S: seconds without a line and without motion after which heaters go off, 0 =
+    /// never; without S a query.
     HeaterTimeout(Option<u16>),
     /// M80, M81: the power supply.
     Supply(SupplyCommand),
@@ -77,7 +78,8 @@ pub enum Command<'a> {
     AbsoluteExtrusion,
     /// M83.
     RelativeExtrusion,
-    /// M104 T and S: of which tool, `None` for the selected one; without S only reports nothing and changes nothing.
+    /// M104 T and S: of which tool, `None` for the selected one; without S only reports nothing and
+    /// changes nothing.
     SetNozzle(Option<u8>, Option<Decimal>),
     /// M109, T as in M104.
     WaitNozzle(Option<u8>, WaitTarget),
@@ -160,7 +162,8 @@ pub enum Command<'a> {
         /// The text for the person; may be empty.
         text: &'a str,
     },
-    /// M125, M226, M601: pauses and waits for a person. X and Y are where the nozzle waits, Z is by how much it rises.
+    /// M125, M226, M601: pauses and waits for a person. X and Y are where the nozzle waits, Z is by
+    /// how much it rises.
     Pause(AxisWords),
     /// M600: the same, to change the filament.
     ChangeFilament {
@@ -243,7 +246,8 @@ pub enum Command<'a> {
     Junction {
         /// J, mm.
         deviation: Option<Decimal>,
-        /// X Y Z E ("jerk"): by how much the speed of an axis may differ before and after a corner, mm/s.
+        /// X Y Z E ("jerk"): by how much the speed of an axis may differ before and
+        /// after a corner, mm/s.
         corner_velocity: AxisWords,
     },
     /// M207.
@@ -273,7 +277,8 @@ pub enum Command<'a> {
         /// U: the gains are used.
         uses: bool,
     },
-    /// M306: the model of a heater. A machine whose heaters have none answers as to an unknown command, and reads no words.
+    /// M306: the model of a heater. A machine whose heaters have none answers as to an unknown
+    /// command, and reads no words.
     HeaterModel {
         /// The whole line.
         text: &'a str,
@@ -289,14 +294,16 @@ pub enum Command<'a> {
         allow: Option<bool>,
     },
     // ANCHOR_END: m302
-    /// M290 Z (or S): shifts Z while the G-code's coordinates stay; without Z a query. X, Y and E are for the machine to refuse.
+    /// M290 Z (or S): shifts Z while the G-code's coordinates stay; without Z a query. X, Y and E
+    /// are for the machine to refuse.
     ShiftZ {
         /// Shift, with its sign.
         words: AxisWords,
         /// P0: the probe's offset stays as it is.
         keeps_offset: bool,
     },
-    /// SET_GCODE_OFFSET Z: how far the nozzle is above what the G-code says, mm in any unit of the G-code.
+    /// SET_GCODE_OFFSET Z: how far the nozzle is above what the G-code says, mm in any
+    /// unit of the G-code.
     OffsetZ {
         /// Z, or Z_ADJUST.
         offset: Decimal,
@@ -334,7 +341,8 @@ pub enum Command<'a> {
     },
     /// M906, M913 or M914: a setting of the drivers; without words a query.
     Driver(DriverSetting, DriverWords),
-    /// M796: I chooses the interpolation, A the acceleration's profile, by their numbers; neither: a query.
+    /// M796: I chooses the interpolation, A the acceleration's profile, by their numbers;
+    /// neither: a query.
     MotionChoice {
         /// I, 0 to 4.
         interpolation: Option<u8>,
@@ -345,8 +353,8 @@ pub enum Command<'a> {
     InputShaper {
         /// Changes of X and of Y.
         axes: [ShaperWords<'a>; 2],
-        /// The kind for an axis that gets a frequency and has no filter: `zv` in M593, as in Marlin, and `mzv` in SET_INPUT_SHAPER, as
-        /// in Klipper.
+        /// The kind for an axis that gets a frequency and has no filter: `zv` in M593, as in
+        /// Marlin, and `mzv` in SET_INPUT_SHAPER, as in Klipper.
         usual: &'static str,
     },
     /// TUNING_TOWER: a value that changes with the height of the print; without words a query.
@@ -379,8 +387,8 @@ pub enum Command<'a> {
         /// R.
         clear: bool,
     },
-    /// M795: S chooses whether moves without E extrude by their length (1) or not (0); H, W and D, in the current unit,
-    /// are what they extrude by. None of them: a query.
+    /// M795: S chooses whether moves without E extrude by their length (1) or not (0); H, W and D,
+    /// in the current unit, are what they extrude by. None of them: a query.
     AdaptiveExtrusion {
         /// S.
         on: Option<bool>,
@@ -393,7 +401,8 @@ pub enum Command<'a> {
     },
     /// M797: digests of all steps queued so far (on the desk: made so far), and motion counters.
     ReportMotion,
-    /// M798: S switches the measuring of times on (and begins anew) or off, R begins anew; neither: a query.
+    /// M798: S switches the measuring of times on (and begins anew) or off, R begins anew;
+    /// neither: a query.
     Timing {
         /// S.
         on: Option<bool>,

@@ -108,7 +108,8 @@ impl DriverSetting {
         }
     }
 
-    /// The largest value: more mA than any of the drivers can deliver, the largest speed of a profile, the chip's largest threshold.
+    /// The largest value: more mA than any of the drivers can deliver, the largest speed of a
+    /// profile, the chip's largest threshold.
     pub const fn max(self) -> u16 {
         match self {
             Self::Current => 3000,
@@ -118,7 +119,8 @@ impl DriverSetting {
     }
 }
 
-/// A whole number for each motor that is named (M906, M913, M914). On a CoreXY machine X and Y name the motors A and B.
+/// A whole number for each motor that is named (M906, M913, M914). On a CoreXY machine X and Y name
+/// the motors A and B.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DriverWords {
     /// X.
@@ -237,8 +239,8 @@ pub enum PrintClockCommand {
     Clear,
 }
 
-/// Words of M301 or M304: a heater's gains in Marlin's units, with power from 0 to 255. Without any of them it is a
-/// query.
+/// Words of M301 or M304: a heater's gains in Marlin's units, with power from 0 to 255. Without any
+/// of them it is a query.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GainWords {
     /// P: per degree.
@@ -247,7 +249,8 @@ pub struct GainWords {
     pub integral: Option<Decimal>,
     /// D: seconds per degree.
     pub derivative: Option<Decimal>,
-    /// F (M301): what the part-cooling fan takes, for each degree between 25 degrees Celsius and the target.
+    /// F (M301): what the part-cooling fan takes, for each degree between 25 degrees
+    /// Celsius and the target.
     pub fan: Option<Decimal>,
 }
 

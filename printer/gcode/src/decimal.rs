@@ -17,10 +17,10 @@ const FRACTION_SCALE: [u32; FRACTION_DIGITS + 1] =
 
 /// A decimal number, exact in units of 1e-9, from -9 223 372 036.85 to 9 223 372 036.85.
 ///
-/// Slicers write three to five fractional digits; digits after the ninth are dropped. Whether the number means
-/// millimetres, inches or seconds depends on the command.
-// The units plus 2^63, which keeps their order and leaves zero for `None`: a command has up to seven numbers that may be missing, and
-// each takes 8 bytes so, not 16.
+/// Slicers write three to five fractional digits; digits after the ninth are dropped. Whether the
+/// number means millimetres, inches or seconds depends on the command.
+// The units plus 2^63, which keeps their order and leaves zero for `None`: a command has up to
+// seven numbers that may be missing, and each takes 8 bytes so, not 16.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Decimal(NonZeroU64);
 
@@ -39,7 +39,8 @@ impl Default for Decimal {
 /// Reason why a text is not a [`Decimal`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NumberError {
-    /// The text is not of the form `5`, `-.8`, `1.` or `+3.25`; exponents are not numbers in G-code.
+    /// The text is not of the form `5`, `-.8`, `1.` or `+3.25`; exponents are not
+    /// numbers in G-code.
     NotANumber,
     /// The number is beyond +-9 223 372 036.
     TooLarge,
@@ -77,8 +78,8 @@ impl Decimal {
     ///
     /// # Errors
     ///
-    /// [`NumberError::NotANumber`] for any other form, the empty one included; [`NumberError::TooLarge`] beyond the
-    /// range.
+    /// [`NumberError::NotANumber`] for any other form, the empty one included;
+    /// [`NumberError::TooLarge`] beyond the range.
     pub fn parse(text: &[u8]) -> Result<Self, NumberError> {
         match Self::parse_prefix(text) {
             (length, number) if length == text.len() => number,
@@ -86,8 +87,8 @@ impl Decimal {
         }
     }
 
-    /// Reads the number at the start of `text`. Returns the length of the longest run of signs, digits and points there, and
-    /// its value.
+    /// Reads the number at the start of `text`. Returns the length of the longest run of signs,
+    /// digits and points there, and its value.
     pub(crate) fn parse_prefix(text: &[u8]) -> (usize, Result<Self, NumberError>) {
         let negative = text.first() == Some(&b'-');
         let start = usize::from(negative || text.first() == Some(&b'+'));
@@ -138,8 +139,8 @@ impl Decimal {
     pub const fn to_10nm_from_mm(self) -> i64 {
         const DIVISOR: u64 = 10_000;
         const RECIPROCAL: u64 = u64::MAX / DIVISOR;
-        // Every coordinate is converted here, and the board divides 64 bits in software. The truncated
-        // reciprocal makes the quotient right or one short.
+        // Every coordinate is converted here, and the board divides 64 bits in software. The
+        // truncated reciprocal makes the quotient right or one short.
         let magnitude = self.nanos().unsigned_abs() + DIVISOR / 2;
         let mut quotient = upper_half_of_product(magnitude, RECIPROCAL);
         if magnitude - quotient * DIVISOR >= DIVISOR {
@@ -175,7 +176,8 @@ impl Decimal {
         self.nanos() / NANOS_PER_UNIT
     }
 
-    /// The nearest integer to `self * factor`, halves away from zero; `factor` is one of 1 and 1000.
+    /// The nearest integer to `self * factor`, halves away from zero; `factor` is
+    /// one of 1 and 1000.
     pub(crate) const fn round_scaled(self, factor: i64) -> i64 {
         divide_half_away(self.nanos(), NANOS_PER_UNIT / factor)
     }
@@ -205,7 +207,8 @@ impl fmt::Display for Decimal {
     }
 }
 
-/// The value and the count of the digits from a place on; at most nine digits, which fit in 32 bits.
+/// The value and the count of the digits from a place on; at most nine digits,
+/// which fit in 32 bits.
 #[inline(always)]
 fn leading_digits(text: &[u8], from: usize) -> (u32, usize) {
     let (mut number, mut digits) = (0u32, 0);

@@ -18,13 +18,15 @@ pub enum Emergency {
 
 /// Watches the bytes of one port for M108, M112, M410 and M876 S.
 ///
-/// M112 acts at once whatever follows it, unless a digit or point makes it another command: the parser
-/// reads the same lines as M112 in their turn, and a stop should not depend on its spelling, nor wait until a
-/// garbled line has been sent again. The others act only as whole lines. With a line number they wait for their
-/// checksum, because a single wrong bit turns the `M400` of a print into `M410`; without one they act at once.
+/// M112 acts at once whatever follows it, unless a digit or point makes it another command: the
+/// parser reads the same lines as M112 in their turn, and a stop should not depend on its spelling,
+/// nor wait until a garbled line has been sent again. The others act only as whole lines. With a
+/// line number they wait for their checksum, because a single wrong bit turns the `M400` of a print
+/// into `M410`; without one they act at once.
 ///
-/// Blanks, an `N` word in front, and a checksum or comment after it do not matter. `M1121`, `M112.5` and `M117 M112` are
-/// not M112. A `(` comment in front makes the line an ordinary one, which still acts in its turn.
+/// Blanks, an `N` word in front, and a checksum or comment after it do not matter. `M1121`,
+/// `M112.5` and `M117 M112` are not M112. A `(` comment in front makes the line an ordinary one,
+/// which still acts in its turn.
 ///
 /// The bytes still go to the [`LineReader`](crate::LineReader): the host expects its `ok`.
 #[derive(Clone, Copy, Debug)]
@@ -280,7 +282,8 @@ mod tests {
     }
 
     proptest! {
-        /// Every line that the parser reads as M112 has acted before, except after a comment in brackets.
+        /// Every line that the parser reads as M112 has acted before, except after a
+        /// comment in brackets.
         #[test]
         fn m112_never_waits_its_turn(text in "[Nn]?-?[0-9 ]{0,3}[ \t]?[Mm][ ]?0?1?1?[12]?[ -~]{0,6}") {
             let bytes = format!("{text}\n");

@@ -2,9 +2,10 @@
 //!
 //! `no_std`, no heap, no panics: every byte sequence is answered.
 //!
-//! [`LineReader`] cuts bytes into [`Line`]s, [`LineNumbers`] says which of them a host must send again, [`parse`]
-//! makes a [`Command`] of a line's text, and a [`Reply`] prints what goes back. [`EmergencyScanner`] watches the raw
-//! bytes for the few commands that must not wait their turn. [`meatpack`] unpacks bytes that a host has packed.
+//! [`LineReader`] cuts bytes into [`Line`]s, [`LineNumbers`] says which of them a host must send
+//! again, [`parse`] makes a [`Command`] of a line's text, and a [`Reply`] prints what goes back.
+//! [`EmergencyScanner`] watches the raw bytes for the few commands that must not wait their turn.
+//! [`meatpack`] unpacks bytes that a host has packed.
 #![cfg_attr(not(test), no_std)]
 
 mod bed_command;

@@ -4,8 +4,9 @@ use core::fmt;
 
 use crate::{Command, parse};
 
-/// Maximum length of a line in bytes, from its start to its comment or its end. Longer lines are refused, but for those whose
-/// text is for people (M117, M118) and named commands without effect (EXCLUDE_OBJECT_DEFINE), of which the rest is dropped.
+/// Maximum length of a line in bytes, from its start to its comment or its end. Longer lines are
+/// refused, but for those whose text is for people (M117, M118) and named commands without effect
+/// (EXCLUDE_OBJECT_DEFINE), of which the rest is dropped.
 pub const LINE_CAPACITY: usize = 256;
 
 /// One line, taken apart but not yet read as a command.
@@ -19,7 +20,8 @@ pub struct Line<'a> {
     pub text: &'a str,
     /// The `N` word at the start; beyond the range of `i64` it is the nearest end of that range.
     pub number: Option<i64>,
-    /// Result of the checksum; always [`Checksum::Absent`] without an `N` word, because a `*` then belongs to the text.
+    /// Result of the checksum; always [`Checksum::Absent`] without an `N` word, because a `*` then
+    /// belongs to the text.
     pub checksum: Checksum,
 }
 
@@ -83,7 +85,8 @@ impl LineError {
         }
     }
 
-    /// The number of a line that has come whole, as its checksum shows: it would be the same if the host sent it again.
+    /// The number of a line that has come whole, as its checksum shows: it would be the same if the
+    /// host sent it again.
     pub(crate) const fn number_of_whole_line(&self) -> Option<i64> {
         match *self {
             LineError::TooLong { number, checksum: Checksum::Right, .. }
@@ -92,7 +95,8 @@ impl LineError {
         }
     }
 
-    /// True for a line without an `N` word that contains a byte other than text and ends in a wrong checksum.
+    /// True for a line without an `N` word that contains a byte other than text and ends in
+    /// a wrong checksum.
     pub(crate) const fn has_lost_its_number(&self) -> bool {
         matches!(self, LineError::NotText { number: None, checksum: Checksum::Wrong { .. }, .. })
     }
@@ -238,16 +242,16 @@ fn is_message(command: &[u8]) -> bool {
     }
 }
 
-/// True if a text begins with a command's name, of several letters, that has no effect whatever its words are: outlines
-/// of objects have thousands of characters.
+/// True if a text begins with a command's name, of several letters, that has no effect whatever its
+/// words are: outlines of objects have thousands of characters.
 fn has_no_effect(text: &str) -> bool {
     let is_name =
         matches!(text.as_bytes(), [first, second, ..] if first.is_ascii_alphabetic() && second.is_ascii_alphabetic());
     is_name && matches!(parse(text), Ok(Command::Accepted | Command::Unknown(_)))
 }
 
-/// Splits a line into number, text and checksum. `bytes` is everything before the comment, `plain` promises that it is
-/// printable ASCII, `in_comment` is the checksum found in the comment.
+/// Splits a line into number, text and checksum. `bytes` is everything before the comment, `plain`
+/// promises that it is printable ASCII, `in_comment` is the checksum found in the comment.
 pub(crate) fn take_apart<'a>(
     bytes: &'a [u8],
     plain: bool,

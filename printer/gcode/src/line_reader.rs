@@ -8,8 +8,8 @@ const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// Cuts a stream of bytes into [`Line`]s.
 ///
-/// `\n`, `\r` or both together end a line. Empty lines and lines with only a `;` comment are counted, but not
-/// returned. Comments may have any length and contain any bytes.
+/// `\n`, `\r` or both together end a line. Empty lines and lines with only a `;` comment are
+/// counted, but not returned. Comments may have any length and contain any bytes.
 ///
 /// ```
 /// use ferrostep_gcode::LineReader;
@@ -54,7 +54,8 @@ enum Comment {
 }
 
 impl Comment {
-    /// The state just after the `;` that follows `text`, of which `scan` has seen more if it is not all.
+    /// The state just after the `;` that follows `text`, of which `scan` has seen more
+    /// if it is not all.
     fn begin(text: &[u8], scan: Option<ChecksumScan>) -> Self {
         if number_word(text).is_none() {
             return Comment::Skipped;
@@ -73,7 +74,8 @@ impl Comment {
         }
     }
 
-    /// A host that sends comments puts the checksum after them; a `*` in a comment that is not a checksum means nothing.
+    /// A host that sends comments puts the checksum after them; a `*` in a comment that is not a
+    /// checksum means nothing.
     fn checksum(&self) -> Checksum {
         match self {
             Comment::NotYet | Comment::Skipped => Checksum::Absent,
@@ -88,7 +90,8 @@ impl Comment {
 /// A line whose end has been found.
 #[derive(Clone, Copy)]
 struct Ended {
-    /// Length of its text in the buffer, or from the start of the bytes given to [`LineReader::advance`].
+    /// Length of its text in the buffer, or from the start of the bytes given to
+    /// [`LineReader::advance`].
     length: usize,
     in_buffer: bool,
     plain: bool,
@@ -123,12 +126,13 @@ impl LineReader {
 
     /// Reads up to the end of the next line that is not empty.
     ///
-    /// Returns how many of `bytes` are consumed and, if its end was reached, that line. Without a line all bytes have been
-    /// consumed; with one, call again with the rest.
+    /// Returns how many of `bytes` are consumed and, if its end was reached, that line. Without a
+    /// line all bytes have been consumed; with one, call again with the rest.
     ///
     /// # Errors
     ///
-    /// [`LineError`] in place of a line that cannot be used; the next call continues with the line after it.
+    /// [`LineError`] in place of a line that cannot be used; the next call continues with
+    /// the line after it.
     pub fn feed<'a>(&'a mut self, bytes: &'a [u8]) -> (usize, Option<Result<Line<'a>, LineError>>) {
         let mut start = 0;
         while let Some(rest) = bytes.get(start..)
@@ -155,7 +159,8 @@ impl LineReader {
         (bytes.len(), None)
     }
 
-    /// The last line, if the stream ended without a line end; the reader is then at the start of the next line.
+    /// The last line, if the stream ended without a line end; the reader is then at the start
+    /// of the next line.
     ///
     /// # Errors
     ///
@@ -323,7 +328,8 @@ static BYTE_CLASS: [u8; 256] = {
     class
 };
 
-/// Length of the text before a line end, a comment or the end of `bytes`, and whether all of it is printable ASCII.
+/// Length of the text before a line end, a comment or the end of `bytes`, and whether all of it is
+/// printable ASCII.
 fn scan_text(bytes: &[u8]) -> (usize, bool) {
     let mut plain = true;
     for (at, &byte) in bytes.iter().enumerate() {

@@ -1,8 +1,9 @@
 //! MeatPack: two characters of G-code in a byte, on a line or in a file.
 //!
-//! While packing is on, each half of a byte is one of fifteen common characters, the lower half first; the half 15
-//! announces a character that follows whole. Two bytes FF and a third are a command to the unpacker. Source of codes
-//! and commands: <https://github.com/scottmudge/OctoPrint-MeatPack>; of the reports, Marlin's `feature/meatpack`.
+//! While packing is on, each half of a byte is one of fifteen common characters, the lower half
+//! first; the half 15 announces a character that follows whole. Two bytes FF and a third are a
+//! command to the unpacker. Source of codes and commands:
+//! <https://github.com/scottmudge/OctoPrint-MeatPack>; of the reports, Marlin's `feature/meatpack`.
 
 use core::fmt;
 
@@ -18,8 +19,8 @@ const SPACE: u8 = 11;
 /// Characters that half a byte encodes.
 const CHARACTERS: [u8; 15] = *b"0123456789. \nGX";
 
-/// Bytes that a host sends before it packs, whatever the printer's state: everything off, spaces as they are, packing
-/// on. The printer reports each; the last report is `[MP] PV01 ON ESP`.
+/// Bytes that a host sends before it packs, whatever the printer's state: everything off, spaces as
+/// they are, packing on. The printer reports each; the last report is `[MP] PV01 ON ESP`.
 pub const BEGIN: [u8; 9] = [
     SIGNAL,
     SIGNAL,
@@ -80,7 +81,8 @@ pub struct Unpacked {
 }
 
 impl Unpacked {
-    /// Most bytes that one byte gives: a whole character with the half that waited for it, then two halves.
+    /// Most bytes that one byte gives: a whole character with the half that waited for it,
+    /// then two halves.
     pub const MAX_BYTES: usize = 4;
 
     /// The bytes.
@@ -96,8 +98,8 @@ impl Unpacked {
     }
 }
 
-/// Unpacks a stream of bytes. Off at first: then all bytes pass unchanged but commands, which are taken out. A single FF waits
-/// for the byte after it.
+/// Unpacks a stream of bytes. Off at first: then all bytes pass unchanged but commands, which are
+/// taken out. A single FF waits for the byte after it.
 ///
 /// ```
 /// use ferrostep_gcode::meatpack::{BEGIN, Unpacker};
@@ -206,7 +208,8 @@ impl Unpacker {
     }
 }
 
-/// Packs text, with the spaces as they are; each line begins with a new byte. To be sent between [`BEGIN`] and [`END`].
+/// Packs text, with the spaces as they are; each line begins with a new byte. To be sent between
+/// [`BEGIN`] and [`END`].
 ///
 /// No UTF-8 has the byte FF, so packed text is never taken for a command.
 pub fn pack(text: &str, mut put: impl FnMut(u8)) {

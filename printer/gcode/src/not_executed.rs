@@ -1,7 +1,8 @@
-//! Commands that slicers and hosts write and this firmware does not execute: the treatment of each, and the reason.
+//! Commands that slicers and hosts write and this firmware does not execute: the treatment of
+//! each, and the reason.
 //!
-//! The parser looks here for every command that it has no code for, and the book's table of these commands is made from the same
-//! lines. A command that gets an effect loses its line here.
+//! The parser looks here for every command that it has no code for, and the book's table of these
+//! commands is made from the same lines. A command that gets an effect loses its line here.
 
 use core::fmt;
 
@@ -11,11 +12,14 @@ pub const NAMED: u8 = b'_';
 /// Treatment of a command that is not executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// Ignored, and the job continues: slicers write it for many machines, and a print is the same without it.
+    /// Ignored, and the job continues: slicers write it for many machines, and a print is the
+    /// same without it.
     Accepted,
-    /// Ignored like [`Outcome::Accepted`], but answered as an unknown command: the print may differ.
+    /// Ignored like [`Outcome::Accepted`], but answered as an unknown command: the
+    /// print may differ.
     Unknown,
-    /// An error: the rest of the job would be printed elsewhere, at another speed or with another amount of filament.
+    /// An error: the rest of the job would be printed elsewhere, at another speed or with another
+    /// amount of filament.
     Refused,
 }
 
@@ -28,12 +32,13 @@ pub struct NotExecuted {
     pub first: u16,
     /// The last number.
     pub last: u16,
-    /// Usual spelling: `G29`, `G55 to G59`; names are separated by `, `, and one that ends with `*` includes all that
-    /// begin so.
+    /// Usual spelling: `G29`, `G55 to G59`; names are separated by `, `, and one that ends with `*`
+    /// includes all that begin so.
     pub name: &'static str,
     /// Its action on machines that execute it.
     pub meaning: &'static str,
-    /// Reason why it is not executed here, or what to use instead; for a refused one, what would be wrong after it.
+    /// Reason why it is not executed here, or what to use instead; for a refused one, what would
+    /// be wrong after it.
     pub why: &'static str,
     /// Treatment.
     pub outcome: Outcome,
@@ -53,8 +58,8 @@ impl NotExecuted {
     }
 }
 
-/// True if `name` is one of the `known` names, which are written as in [`NotExecuted::name`]. A separate function, as
-/// it is rarely called and flash is short.
+/// True if `name` is one of the `known` names, which are written as in [`NotExecuted::name`]. A
+/// separate function, as it is rarely called and flash is short.
 #[inline(never)]
 pub(crate) fn is_one_of(mut known: &[u8], name: &[u8]) -> bool {
     let mut rest = name;
@@ -218,7 +223,8 @@ mod tests {
     use super::*;
     use crate::{Command, ParseError, Remarks, parse, parse_with_remarks};
 
-    /// Each entry is reached: the parser has no code for its commands, and does with them what the table says.
+    /// Each entry is reached: the parser has no code for its commands, and does with them
+    /// what the table says.
     #[test]
     fn the_parser_does_what_the_table_says() {
         for (entry, before) in NOT_EXECUTED.iter().zip([None].into_iter().chain(NOT_EXECUTED.iter().map(Some))) {

@@ -52,7 +52,8 @@ impl fmt::Debug for ShortText {
     }
 }
 
-/// Reason why a line cannot be read as a command. `Display` names the word and what was expected there.
+/// Reason why a line cannot be read as a command. `Display` names the word and what
+/// was expected there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParseError {
     /// A character with which no word can begin.
@@ -126,7 +127,8 @@ pub enum ParseError {
         /// Words that it knows, each with its default, such as `BED=60`.
         known: &'static str,
     },
-    /// A command that cannot be skipped: the rest of the job would print elsewhere, or with more or less filament.
+    /// A command that cannot be skipped: the rest of the job would print elsewhere, or with more
+    /// or less filament.
     NotSupported {
         /// The command, such as `G5`.
         command: &'static str,

@@ -20,22 +20,25 @@ use code::Code;
 pub use heater_model::HeaterModelWords;
 use words::Words;
 
-/// Reads one line, without its number, checksum and `;` comment, as [`Line::text`](crate::Line::text) has it.
+/// Reads one line, without its number, checksum and `;` comment, as
+/// [`Line::text`](crate::Line::text) has it.
 ///
-/// Words may come in any order, with or without spaces, in upper or lower case; the last of two words with the same
-/// letter counts. `( )` comments are skipped, and the line ends at a `*`, except in the text of M117 and M118. A line
-/// without content is [`Command::Accepted`]; an unknown command is [`Command::Unknown`].
+/// Words may come in any order, with or without spaces, in upper or lower case; the last of two
+/// words with the same letter counts. `( )` comments are skipped, and the line ends at a `*`,
+/// except in the text of M117 and M118. A line without content is [`Command::Accepted`]; an unknown
+/// command is [`Command::Unknown`].
 ///
 /// # Errors
 ///
-/// [`ParseError`] if a word of a known command is missing, malformed or out of range, for text that is not a command at
-/// all, and for commands that cannot be skipped because the rest of the job would print elsewhere.
+/// [`ParseError`] if a word of a known command is missing, malformed or out of range, for text that
+/// is not a command at all, and for commands that cannot be skipped because the rest of the job
+/// would print elsewhere.
 pub fn parse(text: &str) -> Result<Command<'_>, ParseError> {
     parse_with_remarks(text, &mut Remarks::default())
 }
 
-/// Parses like [`parse`], and adds to `remarks`, for the host, which parts of the line are ignored or changed and what
-/// has no effect.
+/// Parses like [`parse`], and adds to `remarks`, for the host, which parts of the line are ignored
+/// or changed and what has no effect.
 ///
 /// # Errors
 ///
@@ -72,7 +75,8 @@ pub fn parse_with_remarks<'a>(text: &'a str, remarks: &mut Remarks) -> Result<Co
         b'G' | b'M' if !has_number => Err(ParseError::NumberExpected { letter: char::from(letter) }),
         b'G' => g_codes::parse(code, &mut Words::new(remarks)),
         b'M' => m_codes::parse(code, &mut Words::new(remarks)),
-        // `Tx`, `Tc` and `T?` drive the filament changer of some printers, as numbers do that no tool has.
+        // `Tx`, `Tc` and `T?` drive the filament changer of some printers, as numbers do
+        // that no tool has.
         b'T' if has_number && !has_subcode && number <= LAST_TOOL => {
             let stays = code.peek(remarks)?.flag(b'S');
             Ok(Command::SelectTool { tool: Some(number), stays })
@@ -90,10 +94,12 @@ pub fn parse_with_remarks<'a>(text: &'a str, remarks: &mut Remarks) -> Result<Co
     }
 }
 
-/// Highest number of a tool; higher ones are orders to some printers: T255 and T1000 of Bambu's, T65535.
+/// Highest number of a tool; higher ones are orders to some printers: T255 and T1000 of
+/// Bambu's, T65535.
 const LAST_TOOL: u32 = 99;
 
-/// Name in errors for a line of coordinates alone, with which other machines repeat the last G0 to G3.
+/// Name in errors for a line of coordinates alone, with which other machines repeat
+/// the last G0 to G3.
 const BARE_COORDINATE: &str = "a coordinate without a command";
 
 /// A line that begins with something other than a letter.
@@ -111,8 +117,8 @@ fn no_command<'a>(text: &'a str, at: usize, remarks: &mut Remarks) -> Command<'a
     Command::Unknown(text.trim_matches([' ', '\t']))
 }
 
-/// True if a word is a name, such as a macro of other firmware, and not a command that lost its number: two letters
-/// follow each other after the first, as in `MESH_ON`, but not in `GX5Y5`.
+/// True if a word is a name, such as a macro of other firmware, and not a command that lost its
+/// number: two letters follow each other after the first, as in `MESH_ON`, but not in `GX5Y5`.
 fn is_name(word: &[u8]) -> bool {
     let is_letter = |byte: &u8| byte.is_ascii_alphabetic() || *byte == b'_';
     let word = word.split(|byte| matches!(byte, b' ' | b'\t')).next().unwrap_or_default();

@@ -26,7 +26,8 @@ impl PinCommand {
     /// The alarm ends, the pin goes in.
     pub const RELEASE_US: u16 = 2_190;
 
-    /// Marlin's width at an angle of 0 degrees, microseconds, from which on M280 takes its S for a width, and at 180 degrees.
+    /// Marlin's width at an angle of 0 degrees, microseconds, from which on M280 takes its S for a
+    /// width, and at 180 degrees.
     pub const ANGLES_US: [u16; 2] = [544, 2_400];
 
     /// Width of a servo's pulses at an angle of up to 180 degrees, as Marlin has it, microseconds.

@@ -1,4 +1,5 @@
-//! Line numbers and checksums of the serial protocol: which lines are executed, and which are requested again.
+//! Line numbers and checksums of the serial protocol: which lines are executed, and which are
+//! requested again.
 
 use crate::line::ChecksumScan;
 use crate::{Checksum, Command, Line, LineError, ResendReason, parse};
@@ -33,13 +34,16 @@ impl LineNumbers {
 
     /// Decides about a line and, if it is good, remembers its number.
     ///
-    /// A line without a number is good, unless it is what is left of a numbered line whose beginning was damaged: after a line with a
-    /// number, one whose checksum is wrong. Executed, it would be an unknown command, or another one. M110 takes effect here, so that the lines after it are checked against the new
-    /// number: `N12 M110 N5` makes 5 the last number, `N12 M110` makes it 12, and `M110` alone changes nothing. It is
-    /// exempt from the sequence but not from the checksum.
+    /// A line without a number is good, unless it is what is left of a numbered line whose
+    /// beginning was damaged: after a line with a number, one whose checksum is wrong. Executed,
+    /// it would be an unknown command, or another one. M110 takes effect here, so that the lines
+    /// after it are checked against the new number: `N12 M110 N5` makes 5 the last number,
+    /// `N12 M110` makes it 12, and `M110` alone changes nothing. It is exempt from the sequence
+    /// but not from the checksum.
     ///
-    /// The number is checked before the checksum, as hosts expect from the error that they read. A line counts as
-    /// repeated only if its checksum is right too: a garbled number must not make a new line pass for an old one.
+    /// The number is checked before the checksum, as hosts expect from the error that they read. A
+    /// line counts as repeated only if its checksum is right too: a garbled number must not make a
+    /// new line pass for an old one.
     pub fn check(&mut self, line: &Line<'_>) -> Verdict {
         if line.number.is_none() && self.last > 0 && has_lost_its_number(line.text) {
             return Verdict::Resend(ResendReason::NoNumber, self.last);
@@ -76,9 +80,9 @@ impl LineNumbers {
 
     /// Decides about a line that could not be read. `None`: it is answered by a notice and `ok`.
     ///
-    /// One that began with a number, or has lost it as its checksum shows, is requested again as if its checksum had
-    /// failed, unless its checksum says that it came as the host sent it: it would come the same again, endlessly. Its
-    /// number counts then as that of a good line.
+    /// One that began with a number, or has lost it as its checksum shows, is requested again as if
+    /// its checksum had failed, unless its checksum says that it came as the host sent it: it would
+    /// come the same again, endlessly. Its number counts then as that of a good line.
     pub fn check_unreadable(&mut self, error: &LineError) -> Option<Verdict> {
         if let Some(number) = error.number_of_whole_line() {
             let verdict = self.judge(Some(number), Checksum::Right, None);
@@ -143,7 +147,8 @@ mod tests {
         format!("{text}*{}\n", text.bytes().fold(0, |sum, byte| sum ^ byte))
     }
 
-    /// Whatever one byte of a numbered line becomes: the line is executed as it was sent, or asked for again.
+    /// Whatever one byte of a numbered line becomes: the line is executed as it was sent, or
+    /// asked for again.
     #[test]
     fn a_line_with_a_damaged_byte_is_asked_for_again() {
         for command in ["G1 Z.2", "M117 10*3", "G1 X10 Y20 E0.5 F1200", "T0", "RESPOND MSG=5*3"] {
@@ -232,7 +237,8 @@ mod tests {
         assert_eq!(numbers.last(), 11);
     }
 
-    /// Lines that can never be read, though they come as they were sent: a host that is asked for them again gives up.
+    /// Lines that can never be read, though they come as they were sent: a host that is asked for
+    /// them again gives up.
     #[test]
     fn a_whole_line_that_cannot_be_read_is_not_requested_again() {
         let mut numbers = LineNumbers { last: 10 };

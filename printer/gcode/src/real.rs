@@ -7,8 +7,9 @@ const MOST_DECIMALS: u8 = 9;
 
 /// A number rounded to some decimals, halves away from zero, and zero without a sign.
 ///
-/// The core library's formatting is exact for all numbers and any number of digits, for 20 KB of a board's flash. This
-/// is exact up to 9e15 units of the last decimal, more than replies need, and saturates at 1.8e19.
+/// The core library's formatting is exact for all numbers and any number of digits, for 20 KB of a
+/// board's flash. This is exact up to 9e15 units of the last decimal, more than replies need, and
+/// saturates at 1.8e19.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Real {
     value: f64,

@@ -1,4 +1,5 @@
-//! Remarks about odd lines, which are executed all the same, and about lines and words without effect.
+//! Remarks about odd lines, which are executed all the same, and about lines and
+//! words without effect.
 
 use core::fmt;
 
@@ -26,7 +27,8 @@ pub enum Remark {
     SecondCommand,
     /// G4 without P and S.
     BareDwell,
-    /// A fan that the machine does not have, by M106 P, M107 P or SET_FAN_SPEED. Some firmware takes P for the power.
+    /// A fan that the machine does not have, by M106 P, M107 P or SET_FAN_SPEED. Some firmware
+    /// takes P for the power.
     OtherFan,
     /// A number without its letter was ignored.
     NoLetter,
@@ -42,7 +44,8 @@ pub enum Remark {
     FirmwareVersion,
     /// M569 with P, which is another firmware's.
     DriverByNumber,
-    /// A nozzle or model for which the job is (M862.1, M862.3), where the profile does not say what the machine has.
+    /// A nozzle or model for which the job is (M862.1, M862.3), where the profile does not say what
+    /// the machine has.
     MachineUnknown,
     /// Words of SET_VELOCITY_LIMIT about corners and short moves.
     CornerLimits,
@@ -86,7 +89,8 @@ pub enum Remark {
     NoFiles,
     /// M524 in a file on the desk.
     EndsCardPrint,
-    /// M280, M401, M402 and BLTOUCH_DEBUG on a machine whose probe has no pin to move, and M280 of another servo.
+    /// M280, M401, M402 and BLTOUCH_DEBUG on a machine whose probe has no pin to move, and M280
+    /// of another servo.
     NoServo,
 }
 
@@ -243,7 +247,8 @@ impl Remarks {
         *self == Self { no_effect: self.no_effect, ..Self::NONE }
     }
 
-    /// True if the line is a command that this firmware, or this machine, does not execute, known or not.
+    /// True if the line is a command that this firmware, or this machine, does not
+    /// execute, known or not.
     pub fn is_not_executed(&self) -> bool {
         self.not_executed != 0 || self.about_line & (NO_BED | ONE_Z_MOTOR | NO_BACKLASH) != 0
     }

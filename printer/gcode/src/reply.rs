@@ -2,7 +2,8 @@
 //!
 //! `Display` of a [`Reply`] is one or more complete lines, without the final newline.
 
-/// Temperatures of a report (M105, M155, and the waits M109 and M190). The nozzle is that of the selected tool.
+/// Temperatures of a report (M105, M155, and the waits M109 and M190). The nozzle is that of
+/// the selected tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Temperatures {
     /// Nozzle now, degrees Celsius.
@@ -58,8 +59,8 @@ pub struct Position {
 
 /// Figures of everything that the motors were commanded since the start (M797).
 ///
-/// The desk and the board print the same two digests for the same job, so that a print can be compared with its
-/// rehearsal.
+/// The desk and the board print the same two digests for the same job, so that a print can be
+/// compared with its rehearsal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MotionFigures {
     /// Digest of which motors stepped which way, in which order.
@@ -74,7 +75,8 @@ pub struct MotionFigures {
     pub idle_flushes: u64,
     /// Steps issued to the X, Y, Z (A, B, Z) and extruder motors, both directions added.
     pub issued_steps: [u64; 4],
-    /// Moves that were planned slower than requested, because the board could not keep up with their events.
+    /// Moves that were planned slower than requested, because the board could not keep up
+    /// with their events.
     pub slowed_moves: u64,
     /// Moves that share the block of the one before.
     pub merged_moves: u64,
@@ -141,7 +143,8 @@ pub struct AdvanceState {
 /// Content of the M115 report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FirmwareInfo<'a> {
-    /// Version of the firmware, `0.1.0 (commit abcdef0)`. Hosts look for keys in capitals before a colon, of which it has none.
+    /// Version of the firmware, `0.1.0 (commit abcdef0)`. Hosts look for keys in capitals before a
+    /// colon, of which it has none.
     pub version: &'a str,
     /// Address of its sources; empty if unknown.
     pub source_code_url: &'a str,
@@ -192,8 +195,8 @@ pub enum Reply<'a> {
     Waiting(Temperatures, Option<u32>),
     /// `X:0.00 Y:0.00 Z:0.00 E:0.00 Count X:0 Y:0 Z:0` (CoreXY: `Count A:0 B:0 Z:0`)
     Position(Position),
-    /// `echo:motion order_digest:<16 hex> step_digest:<16 hex> underruns:0 starvation_flushes:0 steps X:0 Y:0 Z:0 E:0
-    /// idle_flushes:0 slowed_moves:0 ...` (one line)
+    /// `echo:motion order_digest:<16 hex> step_digest:<16 hex> underruns:0 starvation_flushes:0`
+    /// `steps X:0 Y:0 Z:0 E:0 idle_flushes:0 slowed_moves:0 ...` (one line)
     Motion(MotionFigures),
     /// `echo:motion interpolation:<name> acceleration:<name>` (M796)
     MotionChoice {
@@ -202,12 +205,13 @@ pub enum Reply<'a> {
         /// `trapezoid` ...
         acceleration: &'a str,
     },
-    /// `echo:SET_INPUT_SHAPER SHAPER_TYPE_X=<kind> SHAPER_FREQ_X=40 DAMPING_RATIO_X=0.1 SHAPER_TYPE_Y=...` (M593), which sets what
-    /// it says: the filters of X and Y.
+    /// `echo:SET_INPUT_SHAPER SHAPER_TYPE_X=<kind> SHAPER_FREQ_X=40 DAMPING_RATIO_X=0.1`
+    /// `SHAPER_TYPE_Y=...` (M593, one line), which sets what it says: the filters of X and Y.
     InputShaper([ShaperState<'a>; 2]),
     /// `echo:M572 S0.04 L0.02 T3 W0.02` (M900, M572), which sets what it says.
     PressureAdvance(AdvanceState),
-    /// `echo:pressure advance: lines of 0.45 x 0.2 mm accelerate by at most 1200 mm/s2 ...`: less than asked for.
+    /// `echo:pressure advance: lines of 0.45 x 0.2 mm accelerate by at most 1200 mm/s2 ...`:
+    /// less than asked for.
     AdvanceLimits {
         /// Acceleration that the extruder can follow in such a line, mm/s^2.
         acceleration_mm_per_s2: f64,
@@ -272,7 +276,8 @@ pub enum Reply<'a> {
     },
     /// Any text, sent as it is (M118, notices such as `echo:...`).
     Text(&'a str),
-    /// `Error:checksum mismatch, Last Line: <n>`, `Resend: <n+1>`, `ok`: three lines; likewise the other two.
+    /// `Error:checksum mismatch, Last Line: <n>`, `Resend: <n+1>`, `ok`: three lines;
+    /// likewise the other two.
     Resend {
         /// Reason of the request.
         reason: ResendReason,

@@ -8,8 +8,8 @@ use crate::{
     TimingFigures,
 };
 
-/// Capabilities that M115 reports, in Marlin's order. EMERGENCY_PARSER is between the two lists, because it depends on
-/// the port.
+/// Capabilities that M115 reports, in Marlin's order. EMERGENCY_PARSER is between the two lists,
+/// because it depends on the port.
 const CAPABILITIES_BEFORE: [(&str, bool); 17] = [
     ("PAREN_COMMENTS", true),
     ("SERIAL_XON_XOFF", false),
@@ -228,7 +228,8 @@ fn write_temperatures(formatter: &mut Formatter<'_>, temperatures: &Temperatures
     ];
     for (label, value) in fields.into_iter().take(if chamber.is_some() { 6 } else { 4 }) {
         formatter.write_str(label)?;
-        // A value that is not finite is written as such, so that hosts find no temperature instead of a wrong one.
+        // A value that is not finite is written as such, so that hosts find no temperature
+        // instead of a wrong one.
         write!(formatter, "{}", Real::fixed(value, 2))?;
     }
     // Marlin's order.
@@ -312,7 +313,8 @@ fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt
         " PROTOCOL_VERSION:1.0 MACHINE_TYPE:{machine} KINEMATICS:{kinematics} EXTRUDER_COUNT:{extruders}"
     )?;
     if let Some([first, second, third]) = identifier {
-        // A UUID's form, as hosts expect it: "Fsp" and a version of this form, then the 96 bits of the board.
+        // A UUID's form, as hosts expect it: "Fsp" and a version of this form, then the 96
+        // bits of the board.
         let (high, low) = (second >> 16, second & 0xffff);
         write!(formatter, " UUID:46737001-{:04x}-{:04x}-{high:04x}-{low:04x}{third:08x}", first >> 16, first & 0xffff)?;
     }

@@ -4,8 +4,9 @@ use core::num::NonZeroU32;
 
 use crate::Decimal;
 
-/// Lengths of a printed parallelogram, in units of 10 nm: A is its first corner, D the one beside it along the plane's first axis, B the
-/// one along its second axis, C the opposite one. Marlin's and Klipper's letters.
+/// Lengths of a printed parallelogram, in units of 10 nm: A is its first corner, D the one beside
+/// it along the plane's first axis, B the one along its second axis, C the opposite one. Marlin's
+/// and Klipper's letters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Diagonals {
     /// The diagonal from A to C, in the direction in which both coordinates grow.

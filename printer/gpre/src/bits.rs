@@ -145,8 +145,8 @@ impl<'a> BitReader<'a> {
         Ok(value)
     }
 
-    /// A number in an exponential Golomb code of order `k`: n zeros, then n + 1 + k bits that begin with a one, the number
-    /// plus 2^k.
+    /// A number in an exponential Golomb code of order `k`: n zeros, then n + 1 + k bits that begin
+    /// with a one, the number plus 2^k.
     #[inline(never)]
     pub fn golomb(&mut self, k: u32) -> Result<u32, Fault> {
         let Some(number) = self.golomb_in(self.window(), Order::new(k)) else { return self.golomb_of_many(k) };
@@ -154,7 +154,8 @@ impl<'a> BitReader<'a> {
         Ok(number)
     }
 
-    /// Reads a number if the window has all its bits; [`Self::checked`] checks that they exist. Less than 2^25.
+    /// Reads a number if the window has all its bits; [`Self::checked`] checks that they
+    /// exist. Less than 2^25.
     #[inline(always)]
     fn golomb_in(&mut self, window: Window, order: Order) -> Option<u32> {
         let length = order.shortest.wrapping_add(2 * window.bits.leading_zeros());
@@ -193,8 +194,8 @@ impl<'a> BitReader<'a> {
         self.golomb(order.k()).map(with_sign)
     }
 
-    /// Reads a number with a sign if the window has all its bits; [`Self::checked`] checks that they exist. At most
-    /// 2^24 either way.
+    /// Reads a number with a sign if the window has all its bits; [`Self::checked`] checks that
+    /// they exist. At most 2^24 either way.
     #[inline(always)]
     pub fn signed_in(&mut self, window: Window, order: Order) -> Option<i32> {
         self.golomb_in(window, order).map(with_sign)

@@ -1,6 +1,7 @@
 //! The checksum of headers, frames and transfers.
 
-/// [`CRC`] of bytes that are all there: three instructions a byte, a word at a time, where the crate's loop has eight.
+/// [`CRC`] of bytes that are all there: three instructions a byte, a word at a time, where the
+/// crate's loop has eight.
 pub(crate) fn checksum(bytes: &[u8]) -> u32 {
     let [table] = CRC.table();
     let next = |sum: u32| table[(sum & 0xff) as usize] ^ (sum >> 8);

@@ -1,7 +1,7 @@
 //! The compact encoding: frames of bits.
 //!
-//! A frame is self-contained: it holds the machine's place at its start and the settings in force, so a job can be
-//! entered at any frame that says so.
+//! A frame is self-contained: it holds the machine's place at its start and the settings in force,
+//! so a job can be entered at any frame that says so.
 //!
 //! | byte | type | meaning |
 //! |---|---|---|
@@ -11,8 +11,8 @@
 //! | 8 | bits | payload |
 //! | 8 + length | u32 | CRC-32 of all before it |
 //!
-//! Bytes little-endian, bits the most significant first. g(k) is an exponential Golomb code of order k, s(k) one of a number
-//! with a sign. The payload:
+//! Bytes little-endian, bits the most significant first. g(k) is an exponential Golomb code of
+//! order k, s(k) one of a number with a sign. The payload:
 //!
 //! | bits | meaning |
 //! |---|---|
@@ -30,25 +30,28 @@
 //! | 4 x 5 | orders of the codes of X, Y, Z and of what the filament differs from its prediction |
 //! | g(8) | number of items |
 //!
-//! An item is `0` and a move of the same shape as the move before, `10` and a move with its shape before it, or `11` and one
-//! of eight others in three bits.
+//! An item is `0` and a move of the same shape as the move before, `10` and a move with its shape
+//! before it, or `11` and one of eight others in three bits.
 //!
-//! *Shape*, 7 bits: what is encoded of the path (2: X and Y, X Y and Z, Z, nothing), of the filament (2: nothing, its difference
-//! from the prediction, all of it), whether the source line is the same as before (1) instead of the next, whether the
-//! line's move ends (1), whether the filament counts in E (1). The shape before the first is `Shape::FIRST`.
+//! *Shape*, 7 bits: what is encoded of the path (2: X and Y, X Y and Z, Z, nothing), of the
+//! filament (2: nothing, its difference from the prediction, all of it), whether the source line is
+//! the same as before (1) instead of the next, whether the line's move ends (1), whether the
+//! filament counts in E (1). The shape before the first is `Shape::FIRST`.
 //!
-//! *Move*: its planned speed: `0` = what corner and feeds allow, `10` = what is left of the speed before, `110` = it continues
-//! the block, `111` = 6 bits n and the squared speed plus one in n + 1 bits, of which the first, a one, is left out. Then
-//! what the shape says: steps of X, Y, Z in their unit, s(k) each. Then the filament in its unit: the difference from
-//! lambda times the length of the path, s(k), or all of it, s(12). The prediction is worked out in f32:
-//! the root of x x + y y + z z, in steps, times lambda, cut to a whole number.
+//! *Move*: its planned speed: `0` = what corner and feeds allow, `10` = what is left of the speed
+//! before, `110` = it continues the block, `111` = 6 bits n and the squared speed plus one in n + 1
+//! bits, of which the first, a one, is left out. Then what the shape says: steps of X, Y, Z in
+//! their unit, s(k) each. Then the filament in its unit: the difference from lambda times the
+//! length of the path, s(k), or all of it, s(12). The prediction is worked out in f32: the root of
+//! x x + y y + z z, in steps, times lambda, cut to a whole number.
 //!
-//! *Others*: 0 = the feed at a place (3 bits) of the eight encoded last, 1 = a feed (f32), 2 = the lambda at a
-//! place (3), 3 = a lambda (the upper 24 bits of an f32), 4 = source lines are left out (g(2), and one), 5 = the fan (8),
-//! after the lines left out, g(1); 6 = a command after the lines left out, g(1): 2 bits and 0 = a text (its length, 8, and its bytes),
-//! 1 = the command at a place (3) of the eight encoded last, 2 = a command of letters and whole numbers: which of G, M and T (2),
-//! its number g(6), number of words (3), and of each word its letter (5), whether it has a number (1), the number s(5).
-//! New feeds, lambdas and commands take the places in turn.
+//! *Others*: 0 = the feed at a place (3 bits) of the eight encoded last, 1 = a feed (f32), 2 = the
+//! lambda at a place (3), 3 = a lambda (the upper 24 bits of an f32), 4 = source lines are left out
+//! (g(2), and one), 5 = the fan (8), after the lines left out, g(1); 6 = a command after the lines
+//! left out, g(1): 2 bits and 0 = a text (its length, 8, and its bytes), 1 = the command at a place
+//! (3) of the eight encoded last, 2 = a command of letters and whole numbers: which of G, M and T
+//! (2), its number g(6), number of words (3), and of each word its letter (5), whether it has a
+//! number (1), the number s(5). New feeds, lambdas and commands take the places in turn.
 
 mod frame;
 mod read;

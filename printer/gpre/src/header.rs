@@ -116,7 +116,8 @@ impl Header {
         bytes.starts_with(&MAGIC)
     }
 
-    /// Reads the first [`FIXED_BYTES`] of a file. The checksum follows the thumbnail; see [`HeaderCheck`].
+    /// Reads the first [`FIXED_BYTES`] of a file. The checksum follows the thumbnail; see
+    /// [`HeaderCheck`].
     ///
     /// # Errors
     /// Another kind of file, a newer version, an unknown encoding, impossible lengths.

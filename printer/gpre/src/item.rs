@@ -24,9 +24,9 @@ pub enum Item<'a> {
     },
 }
 
-/// Limits of the machine as M201, M203, M204 and M205 set them, mm and s: largest feeds and accelerations of X, Y, Z and
-/// the filament, accelerations of printing, travel and retraction, junction deviation, and instantaneous corner velocities of
-/// X, Y, Z and the filament.
+/// Limits of the machine as M201, M203, M204 and M205 set them, mm and s: largest feeds and
+/// accelerations of X, Y, Z and the filament, accelerations of printing, travel and retraction,
+/// junction deviation, and instantaneous corner velocities of X, Y, Z and the filament.
 pub type LimitValues = [f32; 16];
 
 /// Index in [`LimitValues`] of the first instantaneous corner velocity; these may be infinite.
@@ -47,7 +47,8 @@ pub struct ModalState {
     pub extruder_10nm: i64,
     /// The G-code's coordinates of X, Y and Z minus the machine's (G92), units of 10 nm.
     pub offset_10nm: [i64; 3],
-    /// Lift of Z by a firmware retraction, units of 10 nm: the moves' Z includes it, the G-code's does not.
+    /// Lift of Z by a firmware retraction, units of 10 nm: the moves' Z includes it, the
+    /// G-code's does not.
     pub lift_10nm: i64,
     /// The limits, if they differ from the profile's.
     pub limits: Option<LimitValues>,

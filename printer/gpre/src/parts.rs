@@ -40,8 +40,8 @@ impl Parts {
         Self { offset: 0, header: None, check: HeaderCheck::new(), next: 0 }
     }
 
-    /// The part at the start of `bytes`, which begin where the part before ended. `complete`: no more bytes follow.
-    /// A part that is returned is passed.
+    /// The part at the start of `bytes`, which begin where the part before ended. `complete`: no
+    /// more bytes follow. A part that is returned is passed.
     ///
     /// # Errors
     /// A malformed part, or a file that ends too early.

@@ -1,6 +1,6 @@
-//! Frames whose checksum is right and whose content has no meaning: each is refused with what was expected, and what is
-//! just right is read. The frames are written here, bit by bit, by the format's page and not by the crate's writer, which
-//! cannot write them.
+//! Frames whose checksum is right and whose content has no meaning: each is refused with what was
+//! expected, and what is just right is read. The frames are written here, bit by bit, by the
+//! format's page and not by the crate's writer, which cannot write them.
 #![allow(clippy::unwrap_used)]
 
 mod bits;

@@ -40,8 +40,8 @@ fn pass(dice: &mut Dice, treatment: Treatment, mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-/// Sends a job through a bad line into a buffer of `room` bytes that is emptied now and then; returns what has come, and
-/// how many frames that took.
+/// Sends a job through a bad line into a buffer of `room` bytes that is emptied now and then;
+/// returns what has come, and how many frames that took.
 fn transfer(job: &[u8], room: usize, treatment: Treatment, seed: u64) -> (Vec<u8>, usize) {
     let mut dice = Dice(seed);
     let mut sender = Sender::new(job.to_vec());

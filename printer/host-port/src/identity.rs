@@ -3,8 +3,9 @@
 /// The open-source vendor of <https://pid.codes>.
 pub const VENDOR_ID: u16 = 0x1209;
 
-/// The first of pid.codes' numbers for tests, <https://pid.codes/1209/0001>: for development, not for a product. A
-/// maker of boards asks there for another number, which an open-source project gets, and puts it here.
+/// The first of pid.codes' numbers for tests, <https://pid.codes/1209/0001>: for development, not
+/// for a product. A maker of boards asks there for another number, which an open-source project
+/// gets, and puts it here.
 pub const PRODUCT_ID: u16 = 0x0001;
 
 /// The manufacturer's string.
@@ -13,13 +14,14 @@ pub const MANUFACTURER: &str = "Ferrostep";
 /// Hexadecimal digits of a 96-bit identifier.
 const DIGITS: usize = 24;
 
-/// The serial number of a board: its chip's unique identifier. By this a host finds the same printer again, at whatever
-/// port it is plugged in.
+/// The serial number of a board: its chip's unique identifier. By this a host finds the same
+/// printer again, at whatever port it is plugged in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SerialNumber([u8; DIGITS]);
 
 impl SerialNumber {
-    /// Identity from the three words of the identifier, in the order of their addresses; each as eight digits.
+    /// Identity from the three words of the identifier, in the order of their addresses; each
+    /// as eight digits.
     pub fn of(words: [u32; 3]) -> Self {
         let mut digits = [0; DIGITS];
         let nibbles = words.iter().flat_map(|word| (0..8).rev().map(move |place| word >> (4 * place) & 0xf));

@@ -5,17 +5,20 @@ use ferrostep_gcode::{Emergency, EmergencyScanner, Line, LineError, LineReader};
 
 use crate::buffers::Buffers;
 
-/// Stands in the ring of received bytes where a line was broken off. No byte of UTF-8 has this value.
+/// Stands in the ring of received bytes where a line was broken off. No byte of
+/// UTF-8 has this value.
 pub const BREAK: u8 = 0xff;
 
-/// Replacement for a host's own 0xff: no byte of UTF-8 either, so that its line is refused all the same.
+/// Replacement for a host's own 0xff: no byte of UTF-8 either, so that its line is
+/// refused all the same.
 const NOT_A_BREAK: u8 = 0xfe;
 
-/// The end that receives: bytes to the ring, unpacked if the host packs them (MeatPack), whole lines or none, and the commands
-/// that do not wait their turn.
+/// The end that receives: bytes to the ring, unpacked if the host packs them (MeatPack), whole
+/// lines or none, and the commands that do not wait their turn.
 ///
-/// While packing is on, M112 in plain text stops the printer as well: a person may type it, or another host, who does not know
-/// of the packing. Packed, those bytes are a second G in the middle of a line's numbers, which no command has.
+/// While packing is on, M112 in plain text stops the printer as well: a person may type it, or
+/// another host, who does not know of the packing. Packed, those bytes are a second G in the middle
+/// of a line's numbers, which no command has.
 #[derive(Clone, Debug, Default)]
 pub struct Incoming {
     unpacker: Unpacker,
@@ -57,8 +60,8 @@ impl Incoming {
         }
     }
 
-    /// Takes in a packet. Returns how many bytes were dropped for want of room; of a line that did not fit, what is in the
-    /// ring already is broken off as well.
+    /// Takes in a packet. Returns how many bytes were dropped for want of room; of a line that did
+    /// not fit, what is in the ring already is broken off as well.
     pub fn take_in(&mut self, packet: &[u8], buffers: &mut impl Buffers) -> u32 {
         let mut dropped = 0;
         for &received in packet {
@@ -109,8 +112,8 @@ impl Incoming {
         true
     }
 
-    /// Takes note that the connection has ended: the next bytes belong to another line, and are not packed until their
-    /// host says so.
+    /// Takes note that the connection has ended: the next bytes belong to another line, and are not
+    /// packed until their host says so.
     pub fn break_off(&mut self) {
         self.unpacker = Unpacker::new();
         self.plain_scanner = EmergencyScanner::new();
@@ -127,8 +130,8 @@ impl Incoming {
 pub enum Heard<'a> {
     /// A line, or why it cannot be read.
     Line(Result<Line<'a>, LineError>),
-    /// The beginning of a line whose rest was lost with the connection, or for lack of room. It is dropped. Always
-    /// [`LineError::Incomplete`], which tells whether it began with a line number.
+    /// The beginning of a line whose rest was lost with the connection, or for lack of room. It is
+    /// dropped. Always [`LineError::Incomplete`], which tells whether it began with a line number.
     HalfALine(LineError),
 }
 
@@ -144,7 +147,8 @@ impl Lines {
         Self { reader: LineReader::new() }
     }
 
-    /// Reads up to the end of the next line that is not empty, or to a break; as [`LineReader::feed`].
+    /// Reads up to the end of the next line that is not empty, or to a break; as
+    /// [`LineReader::feed`].
     pub fn feed<'a>(&'a mut self, bytes: &'a [u8]) -> (usize, Option<Heard<'a>>) {
         if bytes.first() == Some(&BREAK) {
             return (1, Some(Heard::HalfALine(self.reader.break_off())));

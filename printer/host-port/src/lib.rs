@@ -1,15 +1,18 @@
-//! The host's serial port over USB: a CDC-ACM device (USB CDC 1.2, PSTN subclass) over any controller that has a
-//! [`UsbBus`](usb_device::bus::UsbBus).
+//! The host's serial port over USB: a CDC-ACM device (USB CDC 1.2, PSTN subclass) over any
+//! controller that has a [`UsbBus`](usb_device::bus::UsbBus).
 //!
-//! It is a separate port beside the serial line: its bytes go to a separate ring, and its host has its own line numbers
-//! and replies. A host may vanish at any moment, and may stop reading; neither must stop the machine:
+//! It is a separate port beside the serial line: its bytes go to a separate ring, and its host has
+//! its own line numbers and replies. A host may vanish at any moment, and may stop reading; neither
+//! must stop the machine:
 //!
-//! - What the host does not read waits in a ring of fixed size. A line that does not fit is dropped whole, and counted
-//!   ([`LineWriter`]).
-//! - What the firmware does not read in time is dropped in whole lines, and counted ([`Incoming`]). The bytes are looked
-//!   at for M112 all the same. To hold the host up instead would hold up its M112.
+//! - What the host does not read waits in a ring of fixed size. A line that does not fit is dropped
+//!   whole, and counted ([`LineWriter`]).
+//! - What the firmware does not read in time is dropped in whole lines, and counted
+//!   ([`Incoming`]). The bytes are looked at for M112 all the same. To hold the host up instead
+//!   would hold up its M112.
 //! - The same rings and readers serve a serial line, which cannot be held up at all.
-//! - If a connection ends within a line, that line is dropped and the next one begins afresh ([`BREAK`], [`Lines`]).
+//! - If a connection ends within a line, that line is dropped and the next one begins afresh
+//!   ([`BREAK`], [`Lines`]).
 #![cfg_attr(not(test), no_std)]
 
 mod buffers;

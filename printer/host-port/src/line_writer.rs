@@ -21,13 +21,14 @@ impl<'a> LineWriter<'a> {
         self.line(text, 0);
     }
 
-    /// Adds an unsolicited line. It leaves half of the ring to replies: a host that reads again after a while has
-    /// missed reports, but no `ok` that it waits for.
+    /// Adds an unsolicited line. It leaves half of the ring to replies: a host that reads again
+    /// after a while has missed reports, but no `ok` that it waits for.
     pub fn report(&mut self, text: fmt::Arguments<'_>) {
         self.line(text, self.bytes.capacity() / 2);
     }
 
-    /// True if half of the ring is free: room for a line that is to leave the other half to replies.
+    /// True if half of the ring is free: room for a line that is to leave the other
+    /// half to replies.
     pub fn is_half_free(&self) -> bool {
         self.bytes.len() <= self.bytes.capacity() / 2
     }

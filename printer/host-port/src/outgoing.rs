@@ -11,7 +11,8 @@ pub(crate) struct Outgoing {
     /// The next packet.
     packet: [u8; PACKET_BYTES],
     length: usize,
-    /// The last packet was a full one: the host waits for more until a shorter one comes (USB 2.0, 5.8.3).
+    /// The last packet was a full one: the host waits for more until a shorter one comes
+    /// (USB 2.0, 5.8.3).
     is_transfer_open: bool,
     /// The last byte that was taken from the ring.
     last_taken: u8,
@@ -47,8 +48,8 @@ impl Outgoing {
                     self.last_sent = packet.last().copied().unwrap_or(self.last_sent);
                     self.length = 0;
                 }
-                // The last packet is still on its way, or (another error) the endpoint does not exist yet. Both end
-                // with an event that leads here again.
+                // The last packet is still on its way, or (another error) the endpoint does not
+                // exist yet. Both end with an event that leads here again.
                 Err(_) => return,
             }
         }
@@ -67,8 +68,8 @@ impl Outgoing {
         }
     }
 
-    /// Drops what has not been sent. The next line begins at the start of a line, also for the reader before
-    /// (`same_reader`), who may have had half of one.
+    /// Drops what has not been sent. The next line begins at the start of a line, also for the
+    /// reader before (`same_reader`), who may have had half of one.
     pub fn discard(&mut self, mut take: impl FnMut() -> Option<u8>, same_reader: bool) {
         while let Some(byte) = take() {
             self.last_taken = byte;

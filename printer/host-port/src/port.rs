@@ -15,14 +15,16 @@ const PACKET_SIZE: u16 = PACKET_BYTES as u16;
 /// Bytes in a packet of control transfers.
 const CONTROL_PACKET_BYTES: u8 = 64;
 
-/// Maximum number of packets taken at a time. A host sends 19 in a millisecond at most (USB 2.0, table 5-9).
+/// Maximum number of packets taken at a time. A host sends 19 in a millisecond at most (USB
+/// 2.0, table 5-9).
 const PACKETS_AT_ONCE: u32 = 4;
 
 /// A USB device with one serial port.
 ///
-/// Baud rate, stop bits and parity (`SET_LINE_CODING`) are stored and reported without effect. DTR means that a program has
-/// opened the port: when it changes, half a line that was received is dropped, and so is what had not been sent. Some
-/// programs never set it; then the first bytes open the port.
+/// Baud rate, stop bits and parity (`SET_LINE_CODING`) are stored and reported without effect.
+/// DTR means that a program has opened the port: when it changes, half a line that was received
+/// is dropped, and so is what had not been sent. Some programs never set it; then the first
+/// bytes open the port.
 pub struct UsbSerial<'a, B: UsbBus> {
     device: UsbDevice<'a, B>,
     class: CdcAcmClass<'a, B>,
@@ -67,10 +69,12 @@ impl<'a, B: UsbBus> UsbSerial<'a, B> {
         }
     }
 
-    /// Handles all pending work: answers the host's requests, takes its packets, sends what waits. To be called
-    /// when the controller interrupts and when there is something to send. Returns how many received bytes were dropped.
+    /// Handles all pending work: answers the host's requests, takes its packets, sends what waits.
+    /// To be called when the controller interrupts and when there is something to send. Returns how
+    /// many received bytes were dropped.
     ///
-    /// `is_sound` is checked each time before the controller's driver is called; once it is false the driver is left alone.
+    /// `is_sound` is checked each time before the controller's driver is called; once it is false
+    /// the driver is left alone.
     pub fn serve(&mut self, buffers: &mut impl Buffers, mut is_sound: impl FnMut() -> bool) -> u32 {
         let mut dropped = 0;
         for _ in 0..PACKETS_AT_ONCE {

@@ -14,8 +14,9 @@ const WORD_BYTES: usize = 4;
 pub struct Cut {
     /// Words and erasures that are still made.
     pub operations: u32,
-    /// The operation at which the power goes is not left out but half made, by this seed: of a word some bits are written; of a sector
-    /// some words are erased, others in part or not at all, or are zero, since a chip may write zeros first.
+    /// The operation at which the power goes is not left out but half made, by this seed: of a word
+    /// some bits are written; of a sector some words are erased, others in part or not at all, or
+    /// are zero, since a chip may write zeros first.
     pub half: Option<u32>,
 }
 

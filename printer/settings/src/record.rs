@@ -6,8 +6,9 @@
 //! | 2 | [`id_of`] the profile's name: the settings of one machine are not another's |
 //! | 11 each | a value: [`id_of`] the setting's name (2), index among the setting's values (1), the value (IEEE 754, 8) |
 //!
-//! All numbers are little-endian. Of a setting that it does not know, a reader skips the values; so a record outlives an update that
-//! adds settings or takes some away. A setting that changes its meaning or its unit must change its name.
+//! All numbers are little-endian. Of a setting that it does not know, a reader skips the values; so
+//! a record outlives an update that adds settings or takes some away. A setting that changes its
+//! meaning or its unit must change its name.
 
 use core::fmt;
 
@@ -34,7 +35,8 @@ pub const fn hash_of(name: &str) -> u32 {
     hash
 }
 
-/// A name as records write it: the halves of [`hash_of`] combined. A test of the settings' table sees that no two are the same.
+/// A name as records write it: the halves of [`hash_of`] combined. A test of the settings' table
+/// sees that no two are the same.
 pub const fn id_of(name: &str) -> u16 {
     let hash = hash_of(name);
     (hash >> 16 ^ hash & 0xffff) as u16

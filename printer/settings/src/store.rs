@@ -1,9 +1,11 @@
 //! The sectors of a flash in which records are kept.
 //!
-//! A sector is divided into slots, each for one record with a number and a checksum. The newest record is the one with the largest
-//! number among those whose checksum is right, whatever the other bytes are. A new record goes into the next empty slot of the newest
-//! one's sector; if it has no room, the next sector is erased for it, which never holds the newest record. So a power cut at any word,
-//! or during an erasure, whatever it leaves, takes nothing away; and all sectors wear alike.
+//! A sector is divided into slots, each for one record with a number and a checksum. The newest
+//! record is the one with the largest number among those whose checksum is right, whatever the
+//! other bytes are. A new record goes into the next empty slot of the newest one's sector; if it
+//! has no room, the next sector is erased for it, which never holds the newest record. So a
+//! power cut at any word, or during an erasure, whatever it leaves, takes nothing away; and all
+//! sectors wear alike.
 //!
 //! | bytes | content of a slot |
 //! |---|---|
@@ -37,7 +39,8 @@ pub const NOT_WORKING: &str = "the memory for settings does not work";
 /// Reason why settings are not stored, or not read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StoreError {
-    /// The memory has refused to read, write or erase, or does not contain what was written: what does not work, in its own words.
+    /// The memory has refused to read, write or erase, or does not contain what was written: what
+    /// does not work, in its own words.
     Memory(&'static str),
     /// The record does not fit.
     TooLong,
@@ -77,7 +80,8 @@ impl<F: NorFlash<Error: Into<&'static str>>> Store<F> {
     /// The records in a flash, which has all of it; nothing is read or written yet.
     ///
     /// # Errors
-    /// [`StoreError::Sectors`]: it does not consist of sectors of whole slots, or of fewer than two.
+    /// [`StoreError::Sectors`]: it does not consist of sectors of whole slots, or
+    /// of fewer than two.
     pub fn new(flash: F) -> Result<Self, StoreError> {
         let bytes = flash.capacity();
         let has_sectors = bytes.is_multiple_of(F::ERASE_SIZE) && bytes >= F::ERASE_SIZE.saturating_mul(2);
@@ -173,14 +177,16 @@ impl<F: NorFlash<Error: Into<&'static str>>> Store<F> {
         self.erase(if (next as usize) < self.flash.capacity() { next } else { 0 })
     }
 
-    /// Erases a sector, although it may look empty: after an erasure that was cut short its cells may forget.
+    /// Erases a sector, although it may look empty: after an erasure that was cut short its
+    /// cells may forget.
     fn erase(&mut self, sector: u32) -> Result<u32, StoreError> {
         let end = sector.saturating_add(F::ERASE_SIZE as u32);
         self.flash.erase(sector, end).map_err(fault)?;
         Ok(sector)
     }
 
-    /// Reads a slot as far as its head says that there is a record: a memory on a slow bus would take long for all of it.
+    /// Reads a slot as far as its head says that there is a record: a memory on a slow bus would
+    /// take long for all of it.
     fn read_record(&mut self, address: u32, slot: &mut Slot) -> Result<(), StoreError> {
         let (head, _) = slot.split_at_mut(HEAD_BYTES);
         self.read(address, head)?;
@@ -223,7 +229,8 @@ fn checksum(start: &[u8], record: &[u8]) -> [u8; 4] {
     digest.finalize().to_le_bytes()
 }
 
-/// Writes a record and its head into a slot that is erased otherwise; returns how many bytes they are.
+/// Writes a record and its head into a slot that is erased otherwise; returns how
+/// many bytes they are.
 fn fill(slot: &mut Slot, number: u32, record: &[u8]) -> Result<usize, StoreError> {
     slot.fill(0xff);
     let too_long = |_| StoreError::TooLong;

@@ -1,4 +1,5 @@
-//! The power goes at every word and every erasure: the old record or the new one is read afterwards, never neither.
+//! The power goes at every word and every erasure: the old record or the new one is read
+//! afterwards, never neither.
 #![allow(clippy::unwrap_used)]
 
 use ferrostep_settings::{
@@ -33,8 +34,9 @@ fn save_until(bytes: &[u8], cut: Cut, record: &[u8]) -> Vec<u8> {
     store.into_flash().into_bytes()
 }
 
-/// Every word and erasure of 1,000 saves, which go round the sectors 125 times; at each the power goes before it and, by four seeds, in its
-/// midst. What such a cut has left is where the next save begins, every seventh time.
+/// Every word and erasure of 1,000 saves, which go round the sectors 125 times; at each the power
+/// goes before it and, by four seeds, in its midst. What such a cut has left is where the next save
+/// begins, every seventh time.
 #[test]
 fn a_cut_leaves_the_old_record_or_the_new_one() {
     let (mut cuts, mut news, mut in_erasures, mut seed) = (0_u32, 0_u32, 0_u32, 1);

@@ -11,7 +11,8 @@ use crate::job::macros::{Call, MacroLine};
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::{Answer, Printer};
 
-/// Delay of the answer to the first refused line after a halt, ms, so that the halt is reported first.
+/// Delay of the answer to the first refused line after a halt, ms, so that the halt
+/// is reported first.
 const TELL_HALT_MS: u32 = 2;
 
 impl<P: Ports> Printer<'_, P> {
@@ -39,11 +40,12 @@ impl<P: Ports> Printer<'_, P> {
         Err(failure)
     }
 
-    /// Executes a line, or the lines of the macro that it calls, and of those before and after a change of the tool. `card_start` is where
-    /// a line of the card's print begins.
+    /// Executes a line, or the lines of the macro that it calls, and of those before and after a
+    /// change of the tool. `card_start` is where a line of the card's print begins.
     ///
     /// # Errors
-    /// Why the line failed, and whether it was to stop the machine or to restart it. The macro has been named.
+    /// Why the line failed, and whether it was to stop the machine or to restart it. The
+    /// macro has been named.
     pub(crate) async fn execute_lines(
         &mut self,
         line: u32,
@@ -83,7 +85,8 @@ impl<P: Ports> Printer<'_, P> {
                     Ok(Answer::Given) => return Ok(Answer::Given),
                     Ok(Answer::Ok) if self.begins_change(&mut changes, command) => continue,
                     Ok(Answer::Ok) => match self.command_with_signs_of_life(command).await {
-                        // A macro continues after its own M410; any other stop, also between its lines, ends it.
+                        // A macro continues after its own M410; any other stop, also between
+                        // its lines, ends it.
                         Ok(_) if matches!(command, Command::QuickStop) && call.is_some() => {
                             stops = self.motion.stops();
                             continue;
@@ -113,8 +116,9 @@ impl<P: Ports> Printer<'_, P> {
         Err((failure, is_stop))
     }
 
-    /// Decides by the source whether a command may be executed now: a host's beside a print from the card, or the
-    /// card's own. It has been [answered](Answer::Given) if it needs no further work.
+    /// Decides by the source whether a command may be executed now: a host's beside a print
+    /// from the card, or the card's own. It has been [answered](Answer::Given) if it needs
+    /// no further work.
     fn may_execute(
         &mut self,
         line: u32,
@@ -139,8 +143,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Ends or pauses the print of a host whose line was refused, in words that hosts know. Otherwise they would
-    /// stream the rest into a machine that is halted.
+    /// Ends or pauses the print of a host whose line was refused, in words that hosts know.
+    /// Otherwise they would stream the rest into a machine that is halted.
     #[cold]
     fn end_print_of_host(&mut self, error: &CommandError, is_stop: bool, is_numbered: bool) {
         match error {

@@ -1,7 +1,8 @@
 //! G29, G30, G34, G35, G80, M48, M420, M421 and M555: the bed is probed, and Z follows its surface.
 //!
-//! Heights are those of the motors at which the probe triggers, less the one at which it has triggered when Z was homed: where Z is
-//! homed the surface is at 0, whatever the probe's offset (M851).
+//! Heights are those of the motors at which the probe triggers, less the one at which it
+//! has triggered when Z was homed: where Z is homed the surface is at 0, whatever the
+//! probe's offset (M851).
 
 mod align;
 mod area;
@@ -97,7 +98,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Lets Z follow the mesh, or stops it, at standstill: the motors stay, and the position's Z is that above the mesh or without it.
+    /// Lets Z follow the mesh, or stops it, at standstill: the motors stay, and the position's Z is
+    /// that above the mesh or without it.
     #[inline(never)]
     pub(crate) fn switch_bed(&mut self, on: bool) -> Result<(), MeshError> {
         // Within 5 m.
@@ -129,8 +131,8 @@ impl<P: Ports> Printer<'_, P> {
         self.motion.mesh(|mesh| mesh.begin(&MeshGrid::NONE, MeshInterpolation::Bilinear));
     }
 
-    /// Executes M420 and G29 A. A missing mesh is only reported, as in Marlin: slicers write M420 S1 for stored
-    /// meshes.
+    /// Executes M420 and G29 A. A missing mesh is only reported, as in Marlin: slicers write M420
+    /// S1 for stored meshes.
     #[inline(never)]
     fn follow(&mut self, on: Option<bool>, fade: Option<Decimal>, reports: bool) -> Result<(), CommandError> {
         let follows = self.interpreter.modal.follows_bed;
@@ -196,7 +198,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Executes G29: measures the points of a grid, row by row there and back. One missing point discards the mesh.
+    /// Executes G29: measures the points of a grid, row by row there and back. One missing point
+    /// discards the mesh.
     async fn measure(&mut self, grid: &MeshGrid, settings: &MeshSettings) -> Result<(), CommandError> {
         self.forget_mesh();
         self.motion.mesh(|mesh| mesh.begin(grid, settings.interpolation));
@@ -237,7 +240,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Probes a place of the bed, apart from the mesh: if Z follows that, it does so again afterwards.
+    /// Probes a place of the bed, apart from the mesh: if Z follows that, it does so
+    /// again afterwards.
     async fn probe_apart(
         &mut self,
         place_10nm: [i64; 2],
@@ -260,7 +264,8 @@ impl<P: Ports> Printer<'_, P> {
         self.interpreter.modal.z.trigger_10nm.unwrap_or_else(|| self.interpreter.trigger_10nm(Z))
     }
 
-    /// Probes a place of the bed `samples` times, with the nozzle above it on the way there and afterwards.
+    /// Probes a place of the bed `samples` times, with the nozzle above it on the way
+    /// there and afterwards.
     async fn probe(
         &mut self,
         place_10nm: [i64; 2],
@@ -283,7 +288,8 @@ impl<P: Ports> Printer<'_, P> {
             match homing.probe_bed(settings.depth_10nm).await {
                 Ok(found_10nm) => {
                     heights.add(found_10nm - home_10nm);
-                    // Where the bed is higher than at home, the nozzle continues at the same distance above it.
+                    // Where the bed is higher than at home, the nozzle continues at the same
+                    // distance above it.
                     lift_10nm = lift_10nm.max(found_10nm + settings.lift_10nm);
                 }
                 Err(error) => {

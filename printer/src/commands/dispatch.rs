@@ -242,8 +242,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(Answer::Ok)
     }
 
-    /// Executes a command that never waits, and names the others: one line for each. A separate function, because in
-    /// a future the compiler keeps every value in memory.
+    /// Executes a command that never waits, and names the others: one line for each. A separate
+    /// function, because in a future the compiler keeps every value in memory.
     #[inline(never)]
     fn dispatch_at_once<'c>(&mut self, command: &'c Command<'_>) -> Result<Dispatched<'c>, CommandError> {
         let waiting = |waiting| Ok(Dispatched::Waiting(waiting));
@@ -354,8 +354,8 @@ impl<P: Ports> Printer<'_, P> {
                 self.needed_accelerometer()?;
                 return waiting(Waiting::Finish(Then::Record { samples, at_next_move }));
             }
-            // Not here, where they would need more of the stack than all other commands: a tower reads lines, M503 writes many, and who
-            // stops motion plans it to its end.
+            // Not here, where they would need more of the stack than all other commands: a tower
+            // reads lines, M503 writes many, and who stops motion plans it to its end.
             Command::Tower(ref words) => return waiting(Waiting::Tower(words.as_ref())),
             Command::SoftLimits(enabled) => self.soft_limits(enabled),
             Command::FeedPercent(words) => self.feed_percent(words)?,
@@ -483,7 +483,8 @@ impl<P: Ports> Printer<'_, P> {
             Command::ProbePin(_) if self.pin().is_none() => {}
             Command::ProbePin(command) => return waiting(Waiting::ProbePin(command)),
             Command::Finish => return waiting(Waiting::Finish(Then::Nothing)),
-            // The first three are only the drivers' part. Without a display the others have no effect here.
+            // The first three are only the drivers' part. Without a display the others
+            // have no effect here.
             Command::ReportDrivers
             | Command::StealthChop { .. }
             | Command::Driver(..)

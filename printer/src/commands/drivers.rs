@@ -13,14 +13,16 @@ use crate::part::Part;
 use crate::ports::{MotorDrivers, Ports, Replies, ToolsPart};
 use crate::printer::Printer;
 
-/// Interval at which a wait for a driver looks, ms. A set-up takes tenths of a second, and always ends.
+/// Interval at which a wait for a driver looks, ms. A set-up takes tenths of a second,
+/// and always ends.
 const LOOK_MS: u32 = 10;
 
-/// Reports an event of a driver. `true`: a motor with current (`motors_on` is their mask) may not be where its steps
-/// say, and the caller must halt the machine as M112 does and send `Reply::Killed`; all else has been reported.
+/// Reports an event of a driver. `true`: a motor with current (`motors_on` is their mask) may not
+/// be where its steps say, and the caller must halt the machine as M112 does and send
+/// `Reply::Killed`; all else has been reported.
 ///
-/// Without current only the axis' home is lost. Printers are often without motor supply, so that is only a notice: hosts end a
-/// print at each `Error:`.
+/// Without current only the axis' home is lost. Printers are often without motor supply, so that is
+/// only a notice: hosts end a print at each `Error:`.
 pub fn tell_driver_event(event: &DriverEvent, motors_on: u8, replies: &impl Replies) -> bool {
     let halts = event.stops_motion() && motors_on >> event.axis() & 1 == 1;
     if event.is_notable() {
@@ -30,7 +32,8 @@ pub fn tell_driver_event(event: &DriverEvent, motors_on: u8, replies: &impl Repl
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Waits until all drivers have confirmed their settings. An axis whose driver was reset is no longer homed.
+    /// Waits until all drivers have confirmed their settings. An axis whose driver was reset is
+    /// no longer homed.
     pub(crate) async fn drivers_confirmed(&mut self, drivers: &dyn MotorDrivers) -> Result<(), CommandError> {
         let mut waits = true;
         while waits {
@@ -58,8 +61,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Executes the drivers' part of a command, if it has one. `true`: the command continues when all drivers have
-    /// confirmed their settings.
+    /// Executes the drivers' part of a command, if it has one. `true`: the command continues when
+    /// all drivers have confirmed their settings.
     // Not inlined: in the future of the commands that wait it would take much room.
     #[inline(never)]
     pub(crate) fn drivers_part(&self, command: &Command<'_>) -> Result<bool, CommandError> {
@@ -119,7 +122,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(changes)
     }
 
-    /// The motor that E is, of several tools: that of the tool; `None`: each extruder's, of a query without T.
+    /// The motor that E is, of several tools: that of the tool; `None`: each extruder's, of a
+    /// query without T.
     #[inline(never)]
     fn extruder_of(&self, tool: Option<u8>, changes: bool) -> Result<Option<usize>, CommandError> {
         match tool {
@@ -137,7 +141,8 @@ enum Shown {
     Setting(DriverSetting),
 }
 
-/// Value of each motor: `None` if the command does not name it, else the value to set, or `None` for a query.
+/// Value of each motor: `None` if the command does not name it, else the value to set, or
+/// `None` for a query.
 type Values = [Option<Option<u16>>; 4];
 
 /// The motor of the first extruder.
@@ -145,7 +150,8 @@ const FIRST_EXTRUDER: usize = 3;
 
 const ALL_MOTORS: Values = [Some(None); 4];
 
-/// Values that a command names; without words it asks for all motors, with T alone for that extruder's.
+/// Values that a command names; without words it asks for all motors, with T alone for
+/// that extruder's.
 fn values(words: DriverWords) -> Values {
     let all = words.all();
     if all == [None; 4] { queried(words.tool) } else { all.map(|value| value.map(Some)) }

@@ -1,5 +1,5 @@
-//! Actions that a command entails: a paused print is resumed, a tower sets its value, filament that has run out is
-//! changed.
+//! Actions that a command entails: a paused print is resumed, a tower sets its value, filament that
+//! has run out is changed.
 
 use core::pin::pin;
 
@@ -26,7 +26,8 @@ impl core::fmt::Display for Letter {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Resumes a paused print before its next move or mode, if its reader did not wait, and dispatches the command.
+    /// Resumes a paused print before its next move or mode, if its reader did not wait, and
+    /// dispatches the command.
     pub(crate) async fn go_on_and_dispatch(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
         let is_of_print = match self.lines.source {
             Source::Host { is_numbered } => is_numbered && !self.prints_from_card(),
@@ -41,7 +42,8 @@ impl<P: Ports> Printer<'_, P> {
         {
             return Err(CommandError::FailedHome { axis });
         }
-        // A mode resumes the print as well: set while the print is paused, it would be undone when the print resumes.
+        // A mode resumes the print as well: set while the print is paused, it would be undone when
+        // the print resumes.
         if is_of_print && self.is_paused() && (moves(command) || sets_modes(command)) {
             self.resume().await?;
         }
@@ -94,9 +96,9 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Returns the nozzle, and its new target too cold for pushing filament, if a command lowers a target at which
-    /// filament is pushed. The moves that the board knows already, which may take minutes, are to be made with the
-    /// heat that they were written for.
+    /// Returns the nozzle, and its new target too cold for pushing filament, if a command lowers a
+    /// target at which filament is pushed. The moves that the board knows already, which may take
+    /// minutes, are to be made with the heat that they were written for.
     #[inline(never)]
     fn cools_print(&self, command: &Command<'_>) -> Option<(Heater, f64)> {
         let (tool, celsius) = match *command {
@@ -123,7 +125,8 @@ impl<P: Ports> Printer<'_, P> {
             .say(format_args!("echo:line {line}: the nozzle is at {celsius} C, the print waits for {target} C"));
     }
 
-    /// Reports once that the target of a move is uncertain: motors without current may have been turned.
+    /// Reports once that the target of a move is uncertain: motors without current may
+    /// have been turned.
     #[inline(never)]
     fn tell_lost_home(&mut self) {
         let Modal { homed, lost, .. } = &mut self.interpreter.modal;

@@ -1,5 +1,5 @@
-//! Entering a prepared job in its middle: the machine has been brought to the start of a frame, and takes over the settings
-//! in force there.
+//! Entering a prepared job in its middle: the machine has been brought to the start of a frame, and
+//! takes over the settings in force there.
 
 use core::fmt::Write;
 
@@ -17,8 +17,8 @@ use crate::settings::bounds::{LARGEST_LIMIT, PERCENTS, SMALLEST_LIMIT};
 /// Largest E, offset and lift of a frame, either sign, units of 10 nm: 10 km.
 const MAX_10NM: u64 = 1_000_000_000_000;
 
-/// The limit as it was written: the shortest decimal number that rounds to the frame's single-precision value. So a plan is
-/// followed with exactly the limits that it was made with.
+/// The limit as it was written: the shortest decimal number that rounds to the frame's
+/// single-precision value. So a plan is followed with exactly the limits that it was made with.
 fn as_written(value: f32) -> f64 {
     let mut text = heapless::String::<64>::new();
     let written = write!(text, "{value}").ok().and_then(|()| text.parse().ok());
@@ -44,8 +44,8 @@ fn limits(values: LimitValues) -> Limits {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Sets the height of the nozzle, a machine coordinate in units of 10 nm, for a machine that must not home Z because a print
-    /// is in the way. Z then counts as homed.
+    /// Sets the height of the nozzle, a machine coordinate in units of 10 nm, for a machine that
+    /// must not home Z because a print is in the way. Z then counts as homed.
     ///
     /// # Errors
     /// Motion was stopped, or the height is outside this machine's travel.
@@ -65,8 +65,9 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Takes over the settings in force where a frame begins: limits, percentages, the fan, E, G92, the lift of a
-    /// retraction and the feed. The machine must be there. The caller sets the heaters.
+    /// Takes over the settings in force where a frame begins: limits, percentages, the fan,
+    /// E, G92, the lift of a retraction and the feed. The machine must be there. The caller
+    /// sets the heaters.
     ///
     /// # Errors
     /// The machine is elsewhere, the frame's values are out of range, or motion was stopped.

@@ -1,4 +1,5 @@
-//! Execution of a line: its source, the effects of a stop or a halt on it, and signs of life while it takes long.
+//! Execution of a line: its source, the effects of a stop or a halt on it, and signs of life
+//! while it takes long.
 
 use core::future::{Future, poll_fn};
 use core::pin::pin;
@@ -19,16 +20,16 @@ impl<'a, P: Ports> Printer<'a, P> {
         Ok(self.motion.finish().await?)
     }
 
-    /// Executes a line of a host, which waits for each answer: as [`Self::execute`], but with about 1 s of motion at hand a
-    /// move is answered when there is less.
+    /// Executes a line of a host, which waits for each answer: as [`Self::execute`], but with about
+    /// 1 s of motion at hand a move is answered when there is less.
     pub async fn execute_for_host(&mut self, line: u32, text: &str, is_numbered: bool) -> Result<(), Failure> {
         // The moves of a prepared job, between which a host is answered, fill the ring.
         self.motion.set_bounded_in_time(!self.interpreter.modal.in_prepared_job);
         self.execute_from(Source::Host { is_numbered }, line, text).await
     }
 
-    /// Executes the text of a line and answers it with exactly one `ok`; before it an `echo:` explains a refusal. Moves fill the
-    /// whole look-ahead ring.
+    /// Executes the text of a line and answers it with exactly one `ok`; before it an `echo:`
+    /// explains a refusal. Moves fill the whole look-ahead ring.
     pub async fn execute(&mut self, line: u32, text: &str) -> Result<(), Failure> {
         self.motion.set_bounded_in_time(false);
         self.execute_from(Source::File, line, text).await
@@ -37,7 +38,8 @@ impl<'a, P: Ports> Printer<'a, P> {
     async fn execute_from(&mut self, source: Source, line: u32, text: &str) -> Result<(), Failure> {
         self.lines.begin(source, line);
         self.signals.note_host();
-        // A command at work keeps the motors on. If the idle timeout has switched them off before, the printer learns it now.
+        // A command at work keeps the motors on. If the idle timeout has switched them off before,
+        // the printer learns it now.
         self.signals.set_at_work(true);
         if self.motion.take_switched_off() {
             self.interpreter.modal.forget_home(ALL_MOTORS);
@@ -52,8 +54,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         outcome
     }
 
-    /// Executes a command and, while it takes long, says `busy` as often as M113 asks: after too long a silence hosts give the
-    /// printer up. A wait for heat reports temperatures instead.
+    /// Executes a command and, while it takes long, says `busy` as often as M113 asks: after too
+    /// long a silence hosts give the printer up. A wait for heat reports temperatures instead.
     pub(crate) async fn command_with_signs_of_life(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
         let (clock, replies, signals) = (self.clock.clone(), self.replies, self.signals);
         let mut execution = pin!(self.command(command));
@@ -105,8 +107,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         result
     }
 
-    /// Follows the motors after a failed command: if motion was stopped, the G-code's position becomes theirs. If a
-    /// motor is not where its block ends, no position is certain.
+    /// Follows the motors after a failed command: if motion was stopped, the G-code's position
+    /// becomes theirs. If a motor is not where its block ends, no position is certain.
     pub(crate) fn follow_after(&mut self, error: CommandError) {
         match error {
             CommandError::MotionFault(_) => {
@@ -120,8 +122,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Makes the G-code's position that of the motors, after a stop. A halt also takes their current away, and with
-    /// it the homed position.
+    /// Makes the G-code's position that of the motors, after a stop. A halt also takes their
+    /// current away, and with it the homed position.
     pub(crate) fn follow_the_motors(&mut self) {
         if self.signals.is_halted() {
             self.motion.set_motors_enabled(ALL_MOTORS, false);

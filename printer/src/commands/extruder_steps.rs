@@ -1,7 +1,7 @@
 //! M92: steps of the extruder for each mm of filament.
 //!
-//! Those of X, Y and Z are the profile's: the plan of a job depends on them. The extruder's are measured, with every
-//! other drive gear anew, and M500 stores them.
+//! Those of X, Y and Z are the profile's: the plan of a job depends on them. The extruder's are
+//! measured, with every other drive gear anew, and M500 stores them.
 
 use ferrostep_gcode::{AxisWords, Real};
 use ferrostep_planner::StepsPerMm;
@@ -11,8 +11,9 @@ use crate::motion::axis_names::AXIS_NAMES;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
 
-/// Maximum distance of the extruder's steps from the profile's, as a part of them. Steps beyond it are those of
-/// another machine, gear or number of microsteps, such as in the start code of a slicer for many machines.
+/// Maximum distance of the extruder's steps from the profile's, as a part of them. Steps beyond it
+/// are those of another machine, gear or number of microsteps, such as in the start code of a
+/// slicer for many machines.
 const FARTHEST: f64 = 0.25;
 
 /// Steps in the form of reports.
@@ -20,8 +21,8 @@ fn shown(steps_per_mm: StepsPerMm) -> Real {
     Real::fixed(steps_per_mm.to_f64(), 2)
 }
 
-/// Returns true if an extruder can have these steps at its fastest feed: no motor steps faster than events may follow
-/// each other.
+/// Returns true if an extruder can have these steps at its fastest feed: no motor steps faster than
+/// events may follow each other.
 fn fits(steps_per_mm: f64, max_feed_mm_per_s: f64, minimum_interval_ticks: u32) -> bool {
     steps_per_mm * max_feed_mm_per_s * f64::from(minimum_interval_ticks)
         <= f64::from(ferrostep_planner::TICKS_PER_SECOND)

@@ -14,8 +14,8 @@ use crate::signals::Signals;
 /// Command of a print whose fan does not turn: M125.
 pub(crate) static PAUSE: Command<'static> = Command::Pause(AxisWords { x: None, y: None, z: None, e: None });
 
-/// Reports that a fan does not turn, and lets the next line of a print pause it. To be called several times a second;
-/// `told` is the fan that was reported last.
+/// Reports that a fan does not turn, and lets the next line of a print pause it. To be called
+/// several times a second; `told` is the fan that was reported last.
 pub fn tell_stalled_fan(
     told: &mut Option<FanOutput>,
     table: &FanTable,
@@ -77,7 +77,8 @@ impl<P: Ports> Printer<'_, P> {
         P::Heating::HAS_OUTPUTS && fans::find(&self.profile.fans, is_colored).is_some()
     }
 
-    /// M150: the light's outputs get the powers of their colours, with the motion around the command.
+    /// M150: the light's outputs get the powers of their colours, with the motion
+    /// around the command.
     pub(crate) async fn set_light(&mut self, colors: [u8; 4]) -> Result<(), CommandError> {
         for (output, fan) in FanOutput::ALL.into_iter().zip(&self.profile.fans) {
             let Some(FanSettings { rule: FanRule::Output { color: Some(color), .. }, .. }) = fan else { continue };
@@ -88,7 +89,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// M123: every fan's power, 0 to 255, and its speed where it has a tachometer, as Prusa's firmware writes them.
+    /// M123: every fan's power, 0 to 255, and its speed where it has a tachometer, as Prusa's
+    /// firmware writes them.
     pub(crate) fn report_fans(&self) {
         for (output, fan) in FanOutput::ALL.into_iter().zip(&self.profile.fans) {
             let Some(FanSettings { name, .. }) = fan else { continue };
@@ -110,14 +112,15 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Returns true if a print must pause because a fan does not turn. It pauses once for each failure: the person
-    /// who resumes it has read the message.
+    /// Returns true if a print must pause because a fan does not turn. It pauses once for each
+    /// failure: the person who resumes it has read the message.
     #[inline(never)]
     pub(crate) fn has_stalled_fan(&self) -> bool {
         self.is_a_nozzle_on() && self.signals.take_stalled_fan()
     }
 
-    /// Returns true if the hot end's own fan does not turn: the nozzle must not stay hot unattended.
+    /// Returns true if the hot end's own fan does not turn: the nozzle must not
+    /// stay hot unattended.
     pub(crate) fn is_hot_end_fan_stalled(&self) -> bool {
         let Some(output) = self.heating.stalled_fan() else { return false };
         matches!(self.profile.fans.get(output.index()), Some(Some(FanSettings { rule: FanRule::HotEnd, .. })))

@@ -16,7 +16,8 @@ pub(crate) static CHANGE_FILAMENT: Command<'static> = Command::ChangeFilament {
     load: None,
 };
 
-/// Returns true if a command lays a line, as only prints do. A person who pushes new filament in moves E alone.
+/// Returns true if a command lays a line, as only prints do. A person who pushes new filament
+/// in moves E alone.
 pub(crate) fn lays(command: &Command<'_>) -> bool {
     let lays = |axes: &AxisWords| axes.e.is_some() && (axes.x.is_some() || axes.y.is_some());
     match command {
@@ -25,7 +26,8 @@ pub(crate) fn lays(command: &Command<'_>) -> bool {
     }
 }
 
-/// Returns true if a print may begin or restart with such a command: filament may have been moved by hand.
+/// Returns true if a print may begin or restart with such a command: filament may have
+/// been moved by hand.
 fn begins(command: &Command<'_>) -> bool {
     matches!(command, Command::Home { .. } | Command::SetNozzle(..) | Command::WaitNozzle(..))
 }
@@ -90,8 +92,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Restarts an encoder's count with the first line of filament after the beginning of a print, or once it
-    /// continues after a person has had the filament in hand.
+    /// Restarts an encoder's count with the first line of filament after the beginning of a print,
+    /// or once it continues after a person has had the filament in hand.
     pub(crate) fn follow_filament(&mut self, command: &Command<'_>, is_of_print: bool) {
         if !self.has_encoder() {
             return;
@@ -103,8 +105,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Returns true if the filament of a print that lays lines has run out, or does not move, and reports it. As long
-    /// as it is missing, each line of a print reports it.
+    /// Returns true if the filament of a print that lays lines has run out, or does not move, and
+    /// reports it. As long as it is missing, each line of a print reports it.
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
     pub(crate) fn has_run_out(&self) -> bool {

@@ -107,7 +107,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Reports the model that a step response has found, as M306 and as keys of the profile, and takes it if `uses`.
+    /// Reports the model that a step response has found, as M306 and as keys of the profile, and
+    /// takes it if `uses`.
     pub(crate) fn end_step(&mut self, heater: Heater, step: Option<StepProgress>, uses: bool) {
         let Some(StepProgress::Found(model)) = step else {
             return self.replies.send(Reply::Text("MPC Autotune ended by M108, the model stays"));

@@ -21,7 +21,8 @@ impl Host {
         Self { numbers: LineNumbers::new(), writes: false, writes_numbered: false }
     }
 
-    /// Answers a line reader's result: executes a good line, `ok`s a repeated one, asks for a garbled one again.
+    /// Answers a line reader's result: executes a good line, `ok`s a repeated one, asks for a
+    /// garbled one again.
     pub async fn answer<P: Ports>(&mut self, printer: &mut Printer<'_, P>, line: Result<Line<'_>, LineError>) {
         let replies = printer.replies();
         match line {

@@ -1,5 +1,5 @@
-//! Checks whether a job is meant for this machine (M862.1, M862.3), and remarks on words that have an effect on other machines
-//! only.
+//! Checks whether a job is meant for this machine (M862.1, M862.3), and remarks on words that have
+//! an effect on other machines only.
 
 use ferrostep_gcode::{AxisWords, BedCommand, Command, Decimal, DriverWords, Remark, Remarks, WaitTarget};
 
@@ -77,8 +77,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Adds a remark for an axis without a corner limit in the profile: it keeps to the junction deviation alone,
-    /// whatever M205 says.
+    /// Adds a remark for an axis without a corner limit in the profile: it keeps to the junction
+    /// deviation alone, whatever M205 says.
     fn add_unlimited_axes(&self, corner_velocity: &AxisWords, remarks: &mut Remarks) {
         let AxisWords { x, y, z, e } = *corner_velocity;
         let limits = self.motion.limits().instantaneous_corner_velocity_mm_per_s;

@@ -26,7 +26,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Returns the axes that are not homed, of these or, if none is named, of all; `None` without such an axis.
+    /// Returns the axes that are not homed, of these or, if none is named, of all; `None`
+    /// without such an axis.
     pub(crate) fn unhomed(&self, axes: AxisFlags) -> Option<AxisFlags> {
         let all = axes.is_empty();
         let [x, y, z] = self.interpreter.modal.homed;
@@ -66,7 +67,8 @@ impl<P: Ports> Printer<'_, P> {
         }
         Ok(())
     }
-    /// Sets the motion at standstill, for which it waits; a choice that cannot be set is refused before.
+    /// Sets the motion at standstill, for which it waits; a choice that cannot be set
+    /// is refused before.
     pub(crate) async fn set_motion_choice(
         &mut self,
         choice: &MotionChoice,

@@ -41,7 +41,8 @@ impl<P: Ports> Printer<'_, P> {
             self.motion.add(asked.request).await?;
         }
         self.taken(&asked);
-        // After the move, not before: a move that a host sends during the wait would be one more to end.
+        // After the move, not before: a move that a host sends during the wait would be
+        // one more to end.
         Ok(self.motion.wait_for_room_in_time().await?)
     }
 
@@ -86,8 +87,9 @@ impl<P: Ports> Printer<'_, P> {
         Err(CommandError::ColdExtrusion { celsius, minimum_celsius })
     }
 
-    /// Tells whether commands themselves have left the nozzle without a target at which filament is pushed. Filament that is to move alone
-    /// then stays, as in Marlin: start code of some makers does so after its purge. Nothing is displaced by it.
+    /// Tells whether commands themselves have left the nozzle without a target at which filament is
+    /// pushed. Filament that is to move alone then stays, as in Marlin: start code of some makers
+    /// does so after its purge. Nothing is displaced by it.
     pub(crate) fn is_meant_cold(&self) -> bool {
         !self.is_meant_hot(self.nozzle())
     }
@@ -98,7 +100,8 @@ impl<P: Ports> Printer<'_, P> {
         target_celsius >= self.interpreter.modal.min_extrusion_celsius
     }
 
-    /// Says how a move was to leave the travel of some axes; an arc may do so on its way, which `reach_10nm` knows.
+    /// Says how a move was to leave the travel of some axes; an arc may do so on its way, which
+    /// `reach_10nm` knows.
     pub(crate) fn say_clamped(&self, clamped: [bool; 3], reach_10nm: Option<[[i64; 2]; 2]>) {
         let mut text = Text::new();
         let line = self.lines.number;
@@ -124,7 +127,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// G10, G11 with the settings of M207 and M208; a second one in a row has no effect, as in Marlin.
+    /// G10, G11 with the settings of M207 and M208; a second one in a row has no
+    /// effect, as in Marlin.
     pub(crate) async fn firmware_retract(&mut self, retract: bool) -> Result<(), CommandError> {
         let modal = &self.interpreter.modal;
         if retract == modal.retracted {
@@ -137,7 +141,8 @@ impl<P: Ports> Printer<'_, P> {
         } else {
             (settings.length_10nm + settings.extra_recover_10nm, settings.recover_10nm_per_s)
         };
-        // As in Marlin, the flow does not scale a retraction: the same length must be drawn back and pushed again.
+        // As in Marlin, the flow does not scale a retraction: the same length must be drawn back
+        // and pushed again.
         let filament = filament_100pm(length_10nm, 100);
         let here = self.motion.position_10nm();
         let there = self.interpreter.lifted(modal.machine_10nm, if retract { settings.lift_10nm } else { 0 });
@@ -145,7 +150,8 @@ impl<P: Ports> Printer<'_, P> {
         let lift =
             Move { target_10nm: there, filament_100pm: 0, feed_mm_per_s, line: self.lines.number, ends_move: false };
         let filament_move = Move { filament_100pm: filament, feed_mm_per_s: rate as f32 / 100_000.0, ..lift };
-        // Draw back before lifting, lower before pushing forward, so that the nozzle never oozes in the air.
+        // Draw back before lifting, lower before pushing forward, so that the nozzle never
+        // oozes in the air.
         if retract {
             self.motion.add(Move { target_10nm: here, ..filament_move }).await?;
             self.interpreter.take_retraction(filament, here);

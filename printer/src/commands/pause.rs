@@ -1,8 +1,9 @@
 //! A pausing print: the nozzle goes aside, waits for a person, and returns to its place.
 //!
-//! A reader of jobs uses [`Printer::pause`], [`Printer::resume`] and [`Printer::cancel`] only. Commands that pause a host's print
-//! (M0, M600, ...) do all of it before their `ok`, because until then a host sends no more of its print; a reader that can wait
-//! by itself looks at [`Printer::is_paused`].
+//! A reader of jobs uses [`Printer::pause`], [`Printer::resume`] and [`Printer::cancel`] only.
+//! Commands that pause a host's print (M0, M600, ...) do all of it before their `ok`, because until
+//! then a host sends no more of its print; a reader that can wait by itself looks at
+//! [`Printer::is_paused`].
 
 use core::pin::pin;
 
@@ -29,17 +30,17 @@ impl<P: Ports> Printer<'_, P> {
         self.print.paused.is_some()
     }
 
-    /// Takes a person's answer to a paused print: continue (M108, a button, or the end of its time), or push more
-    /// filament.
+    /// Takes a person's answer to a paused print: continue (M108, a button, or the end of its
+    /// time), or push more filament.
     pub(crate) fn take_answer(&self) -> Option<PauseAnswer> {
         let paused = self.print.paused.as_ref()?;
         let is_over = paused.until_ms.is_some_and(|until_ms| self.clock.now_ms() >= until_ms);
         if is_over { Some(PauseAnswer::Continue) } else { self.signals.take_answer() }
     }
 
-    /// Pauses after the moves taken so far: draws the filament back, goes aside as far as the axes are homed, and tells the host.
-    /// Heaters keep their targets, as long as the [heater timeout](crate::HeaterTimeout) lets them. A paused print
-    /// stays paused.
+    /// Pauses after the moves taken so far: draws the filament back, goes aside as far as the axes
+    /// are homed, and tells the host. Heaters keep their targets, as long as the [heater
+    /// timeout](crate::HeaterTimeout) lets them. A paused print stays paused.
     ///
     /// # Errors
     /// Motion was stopped; the print is not paused then.
@@ -93,8 +94,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// The second button of a filament change: pushes the new filament in, and more each time. The motor lets it go again, and the
-    /// person is asked again. Other pauses have no such button.
+    /// The second button of a filament change: pushes the new filament in, and more each time. The
+    /// motor lets it go again, and the person is asked again. Other pauses have no such button.
     ///
     /// # Errors
     /// The nozzle is too cold, or motion was stopped.
@@ -111,16 +112,18 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Resumes a paused print. Heaters that are off get their targets back; when these are reached, the nozzle
-    /// returns and pushes the filament back to its place. Without effect if no print is paused.
+    /// Resumes a paused print. Heaters that are off get their targets back; when these are
+    /// reached, the nozzle returns and pushes the filament back to its place. Without effect if no
+    /// print is paused.
     ///
     /// # Errors
-    /// Motion was stopped, an axis is no longer homed, or the nozzle is too cold because M108 has ended the wait for heat. The
-    /// print stays paused then, except after a halt.
+    /// Motion was stopped, an axis is no longer homed, or the nozzle is too cold because M108 has
+    /// ended the wait for heat. The print stays paused then, except after a halt.
     pub async fn resume(&mut self) -> Result<(), CommandError> {
         let Some(mut paused) = self.print.paused else { return Ok(()) };
         self.tell_host("//action:prompt_end");
-        // In its place at once: otherwise it would be copied there, and take that much of the stack for the time of the wait.
+        // In its place at once: otherwise it would be copied there, and take that much of the stack
+        // for the time of the wait.
         pin!(self.heat_again(paused.targets_celsius)).await?;
         self.motion.finish().await?;
         let is_lost = |axis: &usize| paused.modal.homed[*axis] && !self.interpreter.modal.homed[*axis];
@@ -162,8 +165,9 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Executes M0, M1, M125, M226, M600, M601. A host waits for the `ok` until a person continues. A file on the
-    /// desk has no person to ask and continues at once. A card is read on when [`Self::is_paused`] returns `false`.
+    /// Executes M0, M1, M125, M226, M600, M601. A host waits for the `ok` until a person continues.
+    /// A file on the desk has no person to ask and continues at once. A card is read on when
+    /// [`Self::is_paused`] returns `false`.
     pub(crate) async fn pause_command(
         &mut self,
         reason: PauseReason,
@@ -187,7 +191,8 @@ impl<P: Ports> Printer<'_, P> {
         self.resume().await
     }
 
-    /// Reports that a printer switches its heaters off in a pause of this length; a file is read on at once.
+    /// Reports that a printer switches its heaters off in a pause of this length; a file is
+    /// read on at once.
     fn tell_long_pause(&self, longest_ms: Option<u64>) {
         let timeout_s = self.signals.heater_timeout_s();
         let is_longer = longest_ms.is_some_and(|longest_ms| longest_ms / 1000 >= timeout_s.into());
@@ -244,7 +249,8 @@ impl<P: Ports> Printer<'_, P> {
         self.tell_host("//action:prompt_show");
     }
 
-    /// Waiting place of the nozzle: X and Y by the line's words or the profile, and the height by which it rises (Z).
+    /// Waiting place of the nozzle: X and Y by the line's words or the profile, and the height by
+    /// which it rises (Z).
     fn park_place_10nm(&self, park: &AxisWords) -> Result<[i64; 3], CommandError> {
         let PauseSettings { place_10nm: [x, y], rise_10nm, .. } = self.profile.pause;
         let travel_10nm = |axis| self.interpreter.travel_10nm(axis);
@@ -265,7 +271,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok([length_100pm(unload_10nm)?, length_100pm(load_10nm)?])
     }
 
-    /// The words U and L, whose signs have no meaning, or the values of M603 and the profile, units of 10 nm.
+    /// The words U and L, whose signs have no meaning, or the values of M603 and the
+    /// profile, units of 10 nm.
     fn filament_lengths_10nm(&self, unload: Option<Decimal>, load: Option<Decimal>) -> Result<[i64; 2], CommandError> {
         let length_10nm = |letter, word: Option<Decimal>| {
             let word = word.map(|value| Decimal::from_nanos(value.nanos().saturating_abs()));
@@ -290,7 +297,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Executes M701 and M702: pushes filament in, or draws it out, at the nozzle's present place, or `rise` above.
+    /// Executes M701 and M702: pushes filament in, or draws it out, at the nozzle's present place,
+    /// or `rise` above.
     pub(crate) async fn load_filament(
         &mut self,
         loads: bool,

@@ -1,7 +1,8 @@
 //! A print from the card survives a power cut: M413 and M1000.
 //!
-//! While it prints, its place is kept on the card (`keep`): all that a print needs to continue (`place`), from the
-//! beginning of a line that the motors have reached. After a reset `resume` takes it there.
+//! While it prints, its place is kept on the card (`keep`): all that a print needs to continue
+//! (`place`), from the beginning of a line that the motors have reached. After a reset
+//! `resume` takes it there.
 
 mod at_failure;
 mod keep;

@@ -46,7 +46,8 @@ impl<P: Ports> Printer<'_, P> {
         self.motion.position_10nm()
     }
 
-    /// Executes a move of a prepared job; `planned_with` has the feed and flow of its frame, which may have been changed since.
+    /// Executes a move of a prepared job; `planned_with` has the feed and flow of its frame, which
+    /// may have been changed since.
     ///
     /// # Errors
     /// As for a move of G-code; a target beyond the soft limits is refused, not clamped.
@@ -59,8 +60,8 @@ impl<P: Ports> Printer<'_, P> {
         self.note_prepared(item, now.as_ref(), moved)
     }
 
-    /// Takes a move as [`Self::prepared_move`] does if that needs no waiting; otherwise returns `None` and changes
-    /// nothing.
+    /// Takes a move as [`Self::prepared_move`] does if that needs no waiting; otherwise returns
+    /// `None` and changes nothing.
     #[inline]
     pub fn try_prepared_move(
         &mut self,
@@ -100,7 +101,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Follows a move of a firmware retraction: the G-code's Z does not contain its lift, nor E its filament.
+    /// Follows a move of a firmware retraction: the G-code's Z does not contain its lift,
+    /// nor E its filament.
     #[inline(never)]
     fn note_retraction(&mut self, z_10nm: i64, filament_100pm: i64) {
         let [.., z_before_10nm] = self.interpreter.modal.machine_10nm;
@@ -173,8 +175,8 @@ impl<P: Ports> Printer<'_, P> {
         error
     }
 
-    /// Executes motion of a prepared job in another encoding than the compact one. E stays as it is, see
-    /// [`Self::prepared_place`].
+    /// Executes motion of a prepared job in another encoding than the compact one. E stays as it
+    /// is, see [`Self::prepared_place`].
     ///
     /// # Errors
     /// As for [`Self::prepared_move`].
@@ -214,12 +216,12 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Takes over the position after the motion so far; `request` makes the planner's position exact, which is known to less than
-    /// a motor step.
+    /// Takes over the position after the motion so far; `request` makes the planner's position
+    /// exact, which is known to less than a motor step.
     ///
     /// # Errors
-    /// The motors are not there, E is out of range (units of 10 nm, as for G92), or motion was stopped; the G-code's
-    /// position has not changed.
+    /// The motors are not there, E is out of range (units of 10 nm, as for G92), or motion was
+    /// stopped; the G-code's position has not changed.
     pub async fn prepared_place(&mut self, place: &PreparedPlace, request: impl Request) -> Result<(), CommandError> {
         let PreparedPlace { position_10nm, lift_10nm, extruder_10nm } = *place;
         if extruder_10nm.unsigned_abs() > MAX_EXTRUDER_10NM as u64 {
@@ -237,8 +239,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Sets the G-code's E, units of 10 nm: after a refused job it differs from the filament that its motion has
-    /// pushed.
+    /// Sets the G-code's E, units of 10 nm: after a refused job it differs from the filament that
+    /// its motion has pushed.
     pub fn set_prepared_extruder(&mut self, extruder_10nm: i64) {
         self.interpreter.modal.extruder_10nm = extruder_10nm;
     }
@@ -257,7 +259,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(self.motion.set_fan_power(FanOutput::Part, power).await?)
     }
 
-    /// Executes a command of a prepared job as a line, but without an `ok`, because no host has sent it.
+    /// Executes a command of a prepared job as a line, but without an `ok`, because no
+    /// host has sent it.
     ///
     /// # Errors
     /// It cannot be read, or not be done.
@@ -271,8 +274,9 @@ impl<P: Ports> Printer<'_, P> {
         self.command_with_signs_of_life(&command).await.map(|_| ()).map_err(Failure::Command)
     }
 
-    /// Ends a prepared job whose rest cannot be trusted: the moves taken are executed, to a standstill on the path;
-    /// the G-code's position is then that of the motors. Heaters keep their targets.
+    /// Ends a prepared job whose rest cannot be trusted: the moves taken are executed, to a
+    /// standstill on the path; the G-code's position is then that of the motors. Heaters
+    /// keep their targets.
     ///
     /// # Errors
     /// Motion was stopped.

@@ -24,8 +24,8 @@ fn changed(present: PressureAdvance, words: &AdvanceWords) -> PressureAdvance {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Changes the advance. If there is one already it changes at its place among the moves; else, and for another
-    /// averaging time, the machine stops before.
+    /// Changes the advance. If there is one already it changes at its place among the moves; else,
+    /// and for another averaging time, the machine stops before.
     pub(crate) async fn advance(&mut self, tool: Option<u8>, words: &AdvanceWords) -> Result<(), CommandError> {
         if self.advance_of_resting(tool, words)? {
             return Ok(());

@@ -52,7 +52,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// The last heater that is switched off ends a host's print, as in Marlin. The card knows its end by itself.
+    /// The last heater that is switched off ends a host's print, as in Marlin. The card knows
+    /// its end by itself.
     fn print_cools(&mut self) {
         let is_cold = self.modes.targets_celsius.iter().all(|celsius| *celsius <= 0.0);
         if is_cold && self.print.card.job == Job::None && !self.is_paused() {

@@ -54,7 +54,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Reports those feeds of a line that are so far above the profile's that they may be in another firmware's unit.
+    /// Reports those feeds of a line that are so far above the profile's that they may be in
+    /// another firmware's unit.
     #[inline(never)]
     fn tell_far_feeds(&self, words: &AxisWords, feeds_mm_per_s: &[f64; 4]) {
         let words = [words.x, words.y, words.z, words.e];
@@ -127,8 +128,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Keeps the speed of corners, if the profile asks for it, and not their deviation: that is the speed's square
-    /// over the acceleration.
+    /// Keeps the speed of corners, if the profile asks for it, and not their deviation: that is the
+    /// speed's square over the acceleration.
     fn hold_corner_speed(&self, limits: &mut Limits, before_mm_per_s2: f64) {
         if self.profile.holds_corner_speed {
             let deviation = limits.junction_deviation_mm * before_mm_per_s2 / limits.print_acceleration_mm_per_s2;
@@ -147,7 +148,8 @@ impl<P: Ports> Printer<'_, P> {
         if let Some(value) = deviation {
             limits.junction_deviation_mm = in_range('J', value.to_f64() * unit_mm, 0.000_01, 10.0)?;
         }
-        // An axis without such a limit keeps to the junction deviation alone, as in Marlin where that is compiled in.
+        // An axis without such a limit keeps to the junction deviation alone, as in Marlin where
+        // that is compiled in.
         let of_profile = limits.instantaneous_corner_velocity_mm_per_s;
         set_axes(&mut limits.instantaneous_corner_velocity_mm_per_s, corner_velocity, unit_mm)?;
         for (limit, of_profile) in limits.instantaneous_corner_velocity_mm_per_s.iter_mut().zip(of_profile) {

@@ -29,7 +29,8 @@ fn name_of(kind: ShaperKind) -> heapless::String<12> {
     name
 }
 
-/// The changed filter of an axis; `usual` is the kind for an axis without a filter that gets a frequency.
+/// The changed filter of an axis; `usual` is the kind for an axis without a filter that
+/// gets a frequency.
 fn changed(
     axis: u8,
     present: AxisShaper,
@@ -64,7 +65,8 @@ fn changed(
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Executes M593 and SET_INPUT_SHAPER. The machine stops before its filters change, and they change together.
+    /// Executes M593 and SET_INPUT_SHAPER. The machine stops before its filters change, and they
+    /// change together.
     pub(crate) async fn shape(&mut self, axes: &[ShaperWords<'_>; 2], usual: &str) -> Result<(), CommandError> {
         let mut choice = self.motion.motion_choice();
         if *axes == [ShaperWords::default(); 2] {

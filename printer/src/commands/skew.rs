@@ -32,7 +32,8 @@ fn within(plane: usize, factor: f32) -> Result<f64, CommandError> {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// M852 and its like, at standstill if they change something. The motors stay, and the coordinates change.
+    /// M852 and its like, at standstill if they change something. The motors stay, and the
+    /// coordinates change.
     #[inline(never)]
     pub(crate) fn skew(&mut self, command: &SkewCommand) -> Result<(), CommandError> {
         let mut factors = self.interpreter.skew.factors();

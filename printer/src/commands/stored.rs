@@ -1,7 +1,8 @@
 //! M500 to M504: settings that survive the power.
 //!
-//! A memory keeps the values that differ from the profile's ([`crate::settings::stored::groups::Group::all`]): where a new image brings
-//! a better profile, that one's values come into force wherever no others were set.
+//! A memory keeps the values that differ from the profile's
+//! ([`crate::settings::stored::groups::Group::all`]): where a new image brings a better profile,
+//! that one's values come into force wherever no others were set.
 
 mod in_force;
 mod mesh;
@@ -59,11 +60,12 @@ impl<M: Parts> fmt::Display for Stored<M> {
 /// The name of [`Statistics`] in a memory, whose settings have the names of a profile's keys.
 const STATISTICS: u16 = id_of("statistics");
 
-/// Maximum number of stored values named because they differ from the profile's: more would be too many lines for a
-/// start.
+/// Maximum number of stored values named because they differ from the profile's: more would be too
+/// many lines for a start.
 const MAX_NAMED: usize = 6;
 
-/// The setting of an entry; `None` where this firmware does not know it, or this machine does not have it.
+/// The setting of an entry; `None` where this firmware does not know it, or this machine
+/// does not have it.
 fn setting_of<M: Parts>(entry: Entry) -> Option<(&'static Group<M>, &'static Setting<M>)> {
     for group in Group::all() {
         for setting in group.settings {
@@ -106,8 +108,8 @@ impl<'a, P: Ports> Printer<'a, P> {
     }
 
     /// M500 to M502, at standstill.
-    // Not inlined: in the future of the commands that wait it would take much room. And the parts that need much of
-    // the stack, the settings and the motion's methods, do not nest.
+    // Not inlined: in the future of the commands that wait it would take much room. And the parts
+    // that need much of the stack, the settings and the motion's methods, do not nest.
     #[inline(never)]
     pub(crate) fn change_settings(&mut self, command: SettingsCommand) {
         let choice =
@@ -153,12 +155,14 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Settings survive the power there (M500); those that are stored come into force with [`Self::restore_settings`].
+    /// Settings survive the power there (M500); those that are stored come into force with
+    /// [`Self::restore_settings`].
     pub fn set_settings_memory(&mut self, memory: &'a impl SettingsMemory) {
         self.fitted.settings_memory = Some(memory);
     }
 
-    /// Returns true if M500, M501 or M502 has no effect now, in a print whose plan is made, and reports it.
+    /// Returns true if M500, M501 or M502 has no effect now, in a print whose plan is
+    /// made, and reports it.
     pub(crate) fn refuse_settings(&self, command: SettingsCommand) -> bool {
         let prints = self.interpreter.modal.in_prepared_job || self.prints_from_card() || self.is_paused();
         let refused = prints && Self::needs_standstill(command);
@@ -168,7 +172,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         refused
     }
 
-    /// Puts the stored settings in force, as the machine is switched on; no report if none are stored.
+    /// Puts the stored settings in force, as the machine is switched on; no report if
+    /// none are stored.
     pub fn restore_settings(&mut self) {
         if let Some(memory) = self.fitted.settings_memory {
             let choice = memory.keep(self, None);
@@ -176,8 +181,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Stores the machine's statistics, at standstill, except during a print, or with heaters on if the memory needs
-    /// them off. A later standstill does it then.
+    /// Stores the machine's statistics, at standstill, except during a print, or with heaters on if
+    /// the memory needs them off. A later standstill does it then.
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
     pub(crate) fn keep_statistics(&mut self) {
@@ -343,7 +348,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         true
     }
 
-    /// Copies the stored settings. `false`: there is a record that cannot be read, or it does not fit.
+    /// Copies the stored settings. `false`: there is a record that cannot be read, or
+    /// it does not fit.
     #[inline(never)]
     fn copy_settings(&self, memory: &dyn SettingsMemory, to: &mut RecordWriter) -> bool {
         let mut slot = [0; SLOT_BYTES];
@@ -355,13 +361,15 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Returns true if heaters are on and the processor would be stopped while the memory is written.
+    /// Returns true if heaters are on and the processor would be stopped while the
+    /// memory is written.
     // Generic over the memory: for one that never stalls none of this is compiled.
     fn may_not_stall(&self, memory: &impl SettingsMemory) -> bool {
         memory.stalls() && Heater::ALL.into_iter().any(|heater| self.heating.status(heater).target_celsius > 0.0)
     }
 
-    /// Writes the stored record anew, with other statistics. One that cannot be read stays as it is until M500.
+    /// Writes the stored record anew, with other statistics. One that cannot be read stays as
+    /// it is until M500.
     #[inline(never)]
     fn store_statistics(&mut self, memory: &dyn SettingsMemory) {
         let mut record = RecordWriter::new(self.profile.name);
@@ -391,7 +399,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.put_in_force(&stored.values)
     }
 
-    /// The profile's values, replaced by the stored ones. Stored values that cannot be used are named.
+    /// The profile's values, replaced by the stored ones. Stored values that cannot
+    /// be used are named.
     #[inline(never)]
     fn read_settings(
         &self,
@@ -474,7 +483,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         } else if let Some(differ) = &mut stored.differ
             && entry.value != before
         {
-            // An image with a new profile has not changed this value: who has flashed it is to see that.
+            // An image with a new profile has not changed this value: who has flashed
+            // it is to see that.
             *differ = differ.saturating_add(1);
             if *differ <= MAX_NAMED {
                 self.replies.say(format_args!(

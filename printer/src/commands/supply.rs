@@ -9,12 +9,12 @@ use crate::part::Part;
 use crate::ports::{Heating, Ports, Replies};
 use crate::printer::Printer;
 
-/// Time from M80 until the supply's voltage is taken as steady, ms: an ATX supply reports that within 500 ms (ATX12V
-/// Power Supply Design Guide 2.2, 3.3.1).
+/// Time from M80 until the supply's voltage is taken as steady, ms: an ATX supply reports that
+/// within 500 ms (ATX12V Power Supply Design Guide 2.2, 3.3.1).
 const POWER_GOOD_MS: u64 = 500;
 
-/// Temperature below which the nozzle does not need its fan any more, degrees Celsius: the hot end's fan switches off
-/// there as well.
+/// Temperature below which the nozzle does not need its fan any more, degrees Celsius: the hot
+/// end's fan switches off there as well.
 const COOL_CELSIUS: f32 = 45.0;
 
 /// Masks of all motors.
@@ -35,7 +35,8 @@ impl<P: Ports> Printer<'_, P> {
         if is_off { Err(CommandError::SupplyOff) } else { Ok(()) }
     }
 
-    /// Refuses a command that would have no effect while the supply is off. Targets are looked at where they are set.
+    /// Refuses a command that would have no effect while the supply is off. Targets are looked at
+    /// where they are set.
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
     pub(crate) fn needs_supply(&self, command: &Command<'_>) -> Result<(), CommandError> {

@@ -24,7 +24,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         // In the control's precision: rounding must not take it to the maximum.
         let target = celsius as f32;
         if target >= settings.max_celsius || target > settings.max_target_celsius {
-            // At the maximum the heater is switched off, so that a target must be below it; one that the profile allows may be it.
+            // At the maximum the heater is switched off, so that a target must be below it; one
+            // that the profile allows may be it.
             let below = settings.max_target_celsius >= settings.max_celsius;
             return Err(CommandError::TooHot { celsius, maximum_celsius: settings.max_target_celsius, below });
         }
@@ -61,13 +62,15 @@ impl<'a, P: Ports> Printer<'a, P> {
         is_on(Heater::Nozzle) || self.heating.has_nozzles() && is_on(Heater::Nozzle1)
     }
 
-    /// Returns true if any heater was switched off as unused: commands have set a target, and it is gone.
+    /// Returns true if any heater was switched off as unused: commands have set a
+    /// target, and it is gone.
     pub(crate) fn have_heaters_rested(&self) -> bool {
         let mut targets = Heater::ALL.into_iter().zip(self.modes.targets_celsius);
         targets.any(|(heater, celsius)| celsius > 0.0 && self.heating.status(heater).target_celsius <= 0.0)
     }
 
-    /// A new print begins, or one was given up: heaters that are off stay off until they get a new target.
+    /// A new print begins, or one was given up: heaters that are off stay off until they
+    /// get a new target.
     pub(crate) fn forget_rested_heaters(&mut self) {
         for heater in Heater::ALL {
             if self.heating.status(heater).target_celsius <= 0.0 {
@@ -76,7 +79,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Waits until heaters are as hot as a print has left them; those that were switched off meanwhile (M86) heat up again.
+    /// Waits until heaters are as hot as a print has left them; those that were switched off
+    /// meanwhile (M86) heat up again.
     pub(crate) async fn heat_again(&mut self, targets_celsius: [f32; Heater::COUNT]) -> Result<(), CommandError> {
         let is_meant = |(heater, celsius): &(Heater, f32)| *celsius > 0.0 && self.profile.heater(*heater).is_some();
         let targets = Heater::ALL.into_iter().zip(targets_celsius).filter(is_meant);
@@ -95,8 +99,9 @@ impl<'a, P: Ports> Printer<'a, P> {
         Ok(())
     }
 
-    /// M109, M190, M191: until the temperature has stayed near its target for the profile's residency time. S waits only
-    /// if it has to heat, and then also until an overshoot has passed. M108 ends the wait, not the heating.
+    /// M109, M190, M191: until the temperature has stayed near its target for the profile's
+    /// residency time. S waits only if it has to heat, and then also until an overshoot has passed.
+    /// M108 ends the wait, not the heating.
     pub(crate) async fn wait_for_heat(&mut self, heater: Heater, target: WaitTarget) -> Result<(), CommandError> {
         let until = match target {
             WaitTarget::Heating(value) => {
@@ -111,7 +116,8 @@ impl<'a, P: Ports> Printer<'a, P> {
             WaitTarget::AtLeast(value) => Until::AtLeast(value.to_f64() as f32),
         };
         self.print_heats();
-        // An M108 sent before this command does not end its wait; one during the end of the motion before does.
+        // An M108 sent before this command does not end its wait; one during the end of the
+        // motion before does.
         self.signals.take_end_wait();
         self.motion.finish().await?;
         self.wait_until(heater, until).await

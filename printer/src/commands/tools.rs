@@ -1,7 +1,9 @@
-//! T, and the values that belong to a tool: M218, and M92, M221 and M572 of one that is not selected.
+//! T, and the values that belong to a tool: M218, and M92, M221 and M572 of one that
+//! is not selected.
 //!
-//! The machine's coordinates are those of T0's nozzle, whichever tool is selected: limits, homing, the probe and the bed know no other.
-//! The offset of the selected nozzle is a part of the G-code's, beside those of G92 and M206.
+//! The machine's coordinates are those of T0's nozzle, whichever tool is selected: limits, homing,
+//! the probe and the bed know no other. The offset of the selected nozzle is a part of the
+//! G-code's, beside those of G92 and M206.
 
 use ferrostep_gcode::{AxisWords, Decimal, Real};
 use ferrostep_hal_shim::{FanOutput, Heater};
@@ -28,7 +30,8 @@ const OTHER_TOOL: &str = "T: this command is for the selected tool: select the o
 const OF_FIRST: &str = "M218: T0's nozzle is where all offsets begin: set T1's";
 const WITH_FIRST: &str = "a prepared job is for T0: send T0 first";
 
-/// A change whose end has been found possible. Places are the carriage's, as the G-code would ask for them with T0.
+/// A change whose end has been found possible. Places are the carriage's, as the G-code would ask
+/// for them with T0.
 #[derive(Clone, Copy, Debug)]
 struct Change {
     /// Present place of the carriage.
@@ -73,14 +76,16 @@ impl<'a, P: Ports> Printer<'a, P> {
     /// The heater of a tool's nozzle, or of the selected one's.
     ///
     /// # Errors
-    /// The machine has several tools, and none with this number. Where it has one, a line for another has a remark, and no effect.
+    /// The machine has several tools, and none with this number. Where it has one, a line for
+    /// another has a remark, and no effect.
     pub(crate) fn nozzle_of(&self, tool: Option<u8>) -> Result<Heater, CommandError> {
         let Some(tools) = self.further_tools() else { return Ok(Heater::Nozzle) };
         let tool = self.tool(tool)?;
         Ok(tools.heater_of(tool))
     }
 
-    /// Returns true if a line is for a further tool and the machine has only one: it then has no effect.
+    /// Returns true if a line is for a further tool and the machine has only one: it
+    /// then has no effect.
     pub(crate) fn is_for_no_tool(&self, tool: Option<u8>) -> bool {
         self.further_tools().is_none() && tool.is_some_and(|tool| tool > 0)
     }
@@ -174,12 +179,13 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.replies.say(format_args!("Active Extruder: {}", self.selected_tool()));
     }
 
-    /// Executes T: at a standstill the new tool's motor, heater, offset and values replace the old one's. With all
-    /// axes homed its nozzle goes to the old one's place, unless it `stays`. The new tool's filament is pushed as far
-    /// as the old one's was.
+    /// Executes T: at a standstill the new tool's motor, heater, offset and values replace the old
+    /// one's. With all axes homed its nozzle goes to the old one's place, unless it `stays`. The
+    /// new tool's filament is pushed as far as the old one's was.
     ///
     /// # Errors
-    /// The tool does not exist or cannot go there, and everything is unchanged; or motion was stopped.
+    /// The tool does not exist or cannot go there, and everything is unchanged; or
+    /// motion was stopped.
     pub(crate) async fn change_tool(&mut self, number: u32, stays: bool) -> Result<(), CommandError> {
         let Some(Tools { change: settings, .. }) = self.further_tools() else { return Ok(()) };
         let Ok(tool) = u8::try_from(number) else { return Err(CommandError::Tool(NO_SUCH_TOOL)) };
@@ -282,13 +288,15 @@ impl<'a, P: Ports> Printer<'a, P> {
         let mut to_10nm = asked_10nm;
         let mut clamped = [false; 3];
         self.interpreter.clamp_into(&mut to_10nm, 0, &mut clamped);
-        // At its lower end Z stays higher than the old nozzle was, which no part minds; at its upper end it would stay lower.
+        // At its lower end Z stays higher than the old nozzle was, which no part minds; at its
+        // upper end it would stay lower.
         let [.., asked_z] = asked_10nm;
         let [.., z] = to_10nm;
         if z < asked_z { Err(CommandError::Tool(TOO_HIGH)) } else { Ok(Some(Change { from_10nm, to_10nm, clamped })) }
     }
 
-    /// Rise of Z above the carriage's present place, so that neither nozzle is lower than the old one was.
+    /// Rise of Z above the carriage's present place, so that neither nozzle is lower than
+    /// the old one was.
     fn lift_of(&self, change: &Option<Change>, lift_10nm: i64) -> i64 {
         let Some(Change { from_10nm: [.., from_z], to_10nm: [.., to_z], .. }) = change else { return 0 };
         (to_z - from_z).max(0) + lift_10nm.max(self.interpreter.modal.lift_10nm)
@@ -323,8 +331,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Puts steps and advance of T0 and of T1, and T1's offset, in force, at standstill. Returns those of the
-    /// selected tool, which the caller puts in force.
+    /// Puts steps and advance of T0 and of T1, and T1's offset, in force, at standstill. Returns
+    /// those of the selected tool, which the caller puts in force.
     #[inline(never)]
     pub(crate) fn put_tools_in_force(
         &mut self,
@@ -347,8 +355,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Takes the tools of an interrupted print, at standstill, before anything moves. Returns true if the selected
-    /// one has its own nozzle.
+    /// Takes the tools of an interrupted print, at standstill, before anything moves. Returns true
+    /// if the selected one has its own nozzle.
     #[inline(never)]
     pub(crate) fn take_tools(&mut self, kept: &<ToolsPart<P> as Part>::Of<ToolBox>) -> bool {
         let Some(kept) = ToolsPart::<P>::get(kept).copied() else { return false };
@@ -397,7 +405,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.interpreter.modal.retracted = new.retracted;
     }
 
-    /// The selected nozzle has another offset: so have the G-code's coordinates, and the bed below it.
+    /// The selected nozzle has another offset: so have the G-code's coordinates, and
+    /// the bed below it.
     fn shift_to(&mut self, before_10nm: [i64; 3], after_10nm: [i64; 3]) {
         self.interpreter.modal.add_offset(before_10nm.map(|length| -length));
         self.interpreter.modal.add_offset(after_10nm);

@@ -9,7 +9,8 @@ use crate::job::tower::{MM, Tower, TowerLine, TowerRefusal};
 use crate::ports::{Ports, Replies};
 use crate::printer::Printer;
 
-/// Fall of a line below the tower's last height that means another print, as in Klipper; units of 10 nm.
+/// Fall of a line below the tower's last height that means another print, as in
+/// Klipper; units of 10 nm.
 const LOWER_10NM: i64 = 2 * MM;
 
 impl<P: Ports> Printer<'_, P> {
@@ -41,7 +42,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// The line that a tower has to execute before this command, the first that prints at a new height.
+    /// The line that a tower has to execute before this command, the first that prints
+    /// at a new height.
     #[inline]
     pub(crate) fn due_of_tower(&mut self, command: &Command<'_>) -> Option<TowerLine> {
         if self.print.tower.is_some() { self.line_of_tower(command) } else { None }
@@ -104,8 +106,8 @@ impl<P: Ports> Printer<'_, P> {
             .say(format_args!("echo:line {}: TUNING_TOWER has ended, \"{line}\": {failure}", self.lines.number));
     }
 
-    /// Ends a tower that has begun; its value stays. One that waits for its print keeps waiting: a print begins by
-    /// homing.
+    /// Ends a tower that has begun; its value stays. One that waits for its print keeps waiting: a
+    /// print begins by homing.
     #[cold]
     #[inline(never)]
     pub(crate) fn end_begun_tower(&mut self) {

@@ -1,7 +1,7 @@
 //! A prepared job from a host's line (M790), executed as it comes.
 //!
-//! While moves wait for room, the line is still read and the host's questions are answered. Numbered lines of G-code between the
-//! frames are executed between two items of the job.
+//! While moves wait for room, the line is still read and the host's questions are answered.
+//! Numbered lines of G-code between the frames are executed between two items of the job.
 
 use core::fmt;
 use core::future::{Future, poll_fn};
@@ -35,12 +35,12 @@ const CHUNK_BYTES: usize = 64;
 
 /// The line on which a job comes, with the lines of all hosts.
 pub trait JobLine {
-    /// Waits for bytes of any host, at most a fifth of a second. Returns their number, and true if the host that
-    /// sends the job has sent them. `idle`: the machine has no other work meanwhile.
+    /// Waits for bytes of any host, at most a fifth of a second. Returns their number, and true if
+    /// the host that sends the job has sent them. `idle`: the machine has no other work meanwhile.
     fn read(&mut self, bytes: &mut [u8], idle: bool) -> impl Future<Output = (usize, bool)>;
 
-    /// Reads text of the host that was read last, up to the end of a line. Returns how much was used, and the line if it has
-    /// ended.
+    /// Reads text of the host that was read last, up to the end of a line. Returns how much was
+    /// used, and the line if it has ended.
     #[allow(clippy::type_complexity)]
     fn text<'a>(&'a mut self, bytes: &'a [u8]) -> (usize, Option<(&'a mut Host, Result<Line<'a>, LineError>)>);
 
@@ -156,7 +156,8 @@ impl Incoming {
         }
     }
 
-    /// Reads and answers until text comes, or the host gives up. With an idle machine it returns after each portion.
+    /// Reads and answers until text comes, or the host gives up. With an idle machine it returns
+    /// after each portion.
     async fn take_in<R: Replies>(
         &mut self,
         line: &mut impl JobLine,
@@ -195,8 +196,8 @@ impl Incoming {
         }
     }
 
-    /// Answers M790 in the middle of a transfer, from a host that was restarted: the transfer continues where it
-    /// stopped.
+    /// Answers M790 in the middle of a transfer, from a host that was restarted: the transfer
+    /// continues where it stopped.
     fn asked_again(&mut self, request: Option<JobRequest>, replies: &impl Replies) {
         match request {
             Some(request) if request.size == self.receiver.size() => self.answer = true,
@@ -259,9 +260,10 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Receives a prepared job and executes it as it comes. `buffer` must have room for the longest frame
-    /// ([`ferrostep_gpre::compact::MAX_FRAME_BYTES`]); more room is used for bytes that come meanwhile. Returns how the job
-    /// ended, and whether a frame has begun on the line and not ended; the host has heard the end already.
+    /// Receives a prepared job and executes it as it comes. `buffer` must have room for the longest
+    /// frame ([`ferrostep_gpre::compact::MAX_FRAME_BYTES`]); more room is used for bytes that come
+    /// meanwhile. Returns how the job ended, and whether a frame has begun on the line and not
+    /// ended; the host has heard the end already.
     pub async fn receive_job(
         &mut self,
         request: JobRequest,
@@ -277,14 +279,16 @@ impl<P: Ports> Printer<'_, P> {
         let (replies, clock, signals) = (self.replies(), self.clock.clone(), self.signals);
         incoming.text = false;
         incoming.aborted = false;
-        // Nothing more of the job is taken, but the host is answered while the machine comes to rest.
+        // Nothing more of the job is taken, but the host is answered while the
+        // machine comes to rest.
         let mut none = 0;
         let taken_in = incoming.take_in(line, &mut [], &mut none, (replies, &clock, signals), false);
         let ended = match outcome {
             Ok(()) => {
                 let finished = beside(self.finish(), taken_in).await;
                 if finished.is_err() {
-                    // All of the job had been taken; the part left undone is counted as after any other stop.
+                    // All of the job had been taken; the part left undone is counted as
+                    // after any other stop.
                     self.stop_motion();
                 }
                 let Progress { frame, offset, .. } = progress;
@@ -369,7 +373,8 @@ impl<P: Ports> Printer<'_, P> {
                         }
                         self.between(line, incoming).await?;
                     }
-                    // While the machine was at work the host may have had no reason to send or to ask.
+                    // While the machine was at work the host may have had no reason
+                    // to send or to ask.
                     incoming.heard_ms = self.clock.now_ms();
                     filled = length + ahead;
                     progress.frame = number + 1;
@@ -432,7 +437,8 @@ impl<P: Ports> Printer<'_, P> {
                     Ok(heard) => heard.number.is_some(),
                     Err(error) => error.is_numbered(),
                 };
-                // The rest of a broken frame is not a line, and usually not text. Its number shows that a line may be executed.
+                // The rest of a broken frame is not a line, and usually not text. Its number shows
+                // that a line may be executed.
                 if numbered || !incoming.of_job {
                     host.answer(self, heard).await;
                     if incoming.of_job {

@@ -1,5 +1,5 @@
-//! M301, M303, M304 and M309: the gains of heaters, and their autotune. For a heater with a model M303 finds the
-//! model ([`crate::commands::heater_model`]).
+//! M301, M303, M304 and M309: the gains of heaters, and their autotune. For a heater with a model
+//! M303 finds the model ([`crate::commands::heater_model`]).
 
 use ferrostep_gcode::{Decimal, GainWords, Real, Reply, TunedHeater};
 use ferrostep_hal_shim::Heater;
@@ -28,7 +28,8 @@ const MIN_CELSIUS: f64 = 40.0;
 /// Minimum distance of the target below the maximum, degrees: the relay heats a little beyond it.
 const NOZZLE_MARGIN_CELSIUS: f32 = 15.0;
 
-/// The same of a step response, after which the temperature rises further by the slope at full power times the thermistor's lag.
+/// The same of a step response, after which the temperature rises further by the slope at full
+/// power times the thermistor's lag.
 const STEP_MARGIN_CELSIUS: f32 = 40.0;
 
 /// Target of a step response for a nozzle if the command names none: Marlin's.
@@ -48,7 +49,8 @@ fn marlins(gain: f32) -> Real {
     Real::short(f64::from(gain) * FULL_POWER, 4)
 }
 
-/// Reports a cycle of the relay. By itself, as the compiler keeps every value of a future's function in memory.
+/// Reports a cycle of the relay. By itself, as the compiler keeps every value of a future's
+/// function in memory.
 #[inline(never)]
 fn tell_cycle(replies: &impl Replies, ended: u8, of: u8, ends: [f32; 2]) {
     let [lowest, highest] = ends.map(|celsius| Real::fixed(celsius, 2));

@@ -20,8 +20,9 @@ const LOOK_MS: u64 = 100;
 /// Interval of the lines that M109 and M190 print.
 const REPORT_MS: u64 = 1000;
 
-/// A wait for cooling ends when the temperature falls by less than this in this time: no heater gets colder than the room. The
-/// slope is well above the noise of a thermistor, and well below that of a heater 10 degrees above the room.
+/// A wait for cooling ends when the temperature falls by less than this in this time: no heater
+/// gets colder than the room. The slope is well above the noise of a thermistor, and well below
+/// that of a heater 10 degrees above the room.
 const MIN_COOLING_CELSIUS: f32 = 0.5;
 const MIN_COOLING_MS: u64 = 120_000;
 
@@ -122,7 +123,8 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
         }
     }
 
-    /// Waits until the autotune of a heater has found something, or M108 ends the wait. `is_stopped` says whether motion was stopped.
+    /// Waits until the autotune of a heater has found something, or M108 ends the wait.
+    /// `is_stopped` says whether motion was stopped.
     pub async fn for_autotune(
         &mut self,
         heater: Heater,
@@ -150,7 +152,8 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
         }
     }
 
-    /// Waits until a heater that is off is colder than this, degrees Celsius, or cools no further. M108 ends the wait.
+    /// Waits until a heater that is off is colder than this, degrees Celsius, or cools no further.
+    /// M108 ends the wait.
     pub async fn for_cooling(
         &mut self,
         heater: Heater,
@@ -185,7 +188,8 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
         let mut near_since: Option<u64> = None;
         let mut cooling = Cooling::default();
         let mut approach = Approach::new();
-        // A heater that has overshot while it heated up is waited for, one that was hotter from the start is not.
+        // A heater that has overshot while it heated up is waited for, one that was hotter from
+        // the start is not.
         let mut has_heated = false;
         let mut next_report = self.clock.now_ms() + REPORT_MS;
         loop {
@@ -242,8 +246,8 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
 pub(crate) enum Until {
     /// The temperature has stayed near its target for the profile's residency time.
     Near {
-        /// True to wait also for a heater that is hotter from the start; one that has overshot is waited for in any
-        /// case.
+        /// True to wait also for a heater that is hotter from the start; one that has overshot is
+        /// waited for in any case.
         cooling_counts: bool,
     },
     /// The heater is this warm, degrees Celsius.

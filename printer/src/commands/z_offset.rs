@@ -19,8 +19,8 @@ const MAX_SHIFT_AT_ONCE_10NM: i64 = MM;
 const MAX_SHIFT_10NM: i64 = 2 * MM;
 
 impl<P: Ports> Printer<'_, P> {
-    /// Returns true if the axes go elsewhere than a prepared job expects: M290 has shifted Z, Z follows the bed, or
-    /// the axes are skew.
+    /// Returns true if the axes go elsewhere than a prepared job expects: M290 has shifted Z, Z
+    /// follows the bed, or the axes are skew.
     pub fn is_shifted(&self) -> bool {
         let modal = &self.interpreter.modal;
         modal.z.shift_10nm != 0 || modal.follows_bed || self.is_skew()
@@ -66,8 +66,8 @@ impl<P: Ports> Printer<'_, P> {
         self.is_above_bed([home_x + x, home_y + y])
     }
 
-    /// Executes M290: shifts Z under the G-code, whose coordinates stay; the probe's offset goes with it unless
-    /// `keeps_offset` (P0). The shift is a separate move, after those taken before.
+    /// Executes M290: shifts Z under the G-code, whose coordinates stay; the probe's offset goes
+    /// with it unless `keeps_offset` (P0). The shift is a separate move, after those taken before.
     pub(crate) async fn shift_z(&mut self, words: &AxisWords, keeps_offset: bool) -> Result<(), CommandError> {
         if words.x.is_some() || words.y.is_some() || words.e.is_some() {
             // Start code of Bambu's X1 has one with a Z that would be no shift either.
@@ -89,8 +89,9 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// SET_GCODE_OFFSET: the offset along Z lasts through homing, and the probe's stays. Where the nozzle does not move at once it goes
-    /// where its next move along Z ends: until then the G-code sees it at another height.
+    /// SET_GCODE_OFFSET: the offset along Z lasts through homing, and the probe's stays. Where the
+    /// nozzle does not move at once it goes where its next move along Z ends: until then the G-code
+    /// sees it at another height.
     pub(crate) async fn offset_z(&mut self, offset: Decimal, adds: bool, moves: bool) -> Result<(), CommandError> {
         let before_10nm = self.interpreter.modal.z.offset_10nm;
         let base_10nm = if adds { before_10nm } else { 0 };

@@ -25,10 +25,12 @@ struct FurtherNozzle {
     fan: FanOutput,
 }
 
-/// Heaters of every machine, but for those of further tools: the first ones in the order of their index.
+/// Heaters of every machine, but for those of further tools: the first ones in the
+/// order of their index.
 const USUAL: usize = Heater::Nozzle1.index();
 
-/// Control of all heaters and fans. `M`: whether heaters may be controlled by a model; `T`: whether there may be several nozzles.
+/// Control of all heaters and fans. `M`: whether heaters may be controlled by a model; `T`: whether
+/// there may be several nozzles.
 #[derive(Clone, Copy, Debug)]
 pub struct HeatControl<M: Part = Present, T: Part = Present> {
     /// `None` for a heater that the machine does not have.
@@ -48,8 +50,9 @@ pub struct HeatControl<M: Part = Present, T: Part = Present> {
 }
 
 impl<M: Part, T: Part> HeatControl<M, T> {
-    /// All heaters off. Takes as many readings as the median needs, so that temperatures are known from the start. The hot
-    /// end's fan turns until the first [`Self::update`]: after a reset the nozzle may be hot.
+    /// All heaters off. Takes as many readings as the median needs, so that temperatures are known
+    /// from the start. The hot end's fan turns until the first [`Self::update`]: after a reset the
+    /// nozzle may be hot.
     pub fn new(
         heaters: [Option<HeaterSettings>; Heater::COUNT],
         fan_table: FanTable,
@@ -77,11 +80,13 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// Takes a sample of every thermometer and sets every heater; to be called every [`super::SAMPLE_MS`].
+    /// Takes a sample of every thermometer and sets every heater; to be called every
+    /// [`super::SAMPLE_MS`].
     ///
     /// # Errors
-    /// A heater or thermometer has failed: all heaters are off and all fans on, until [`Self::restart`], and a supply that can be
-    /// switched is off, until [`Self::set_supply`]. Reported once.
+    /// A heater or thermometer has failed: all heaters are off and all fans on, until
+    /// [`Self::restart`], and a supply that can be switched is off, until
+    /// [`Self::set_supply`]. Reported once.
     pub fn update(&mut self, board: &mut (impl ThermalBoard + Fans)) -> Result<(), HeatFault> {
         let mut found = None;
         for (heater, channel) in channels::<T>(&mut self.channels, &mut self.further) {
@@ -100,7 +105,8 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         let heated = Heated {
             nozzle_celsius: self.hottest_nozzle(),
             bed_is_on: self.channel(Heater::Bed).is_some_and(|bed| bed.target > 0.0),
-            // A transistor that has failed closed cannot be switched off; without a supply that can, only moving air can cool its heater.
+            // A transistor that has failed closed cannot be switched off; without a supply that
+            // can, only moving air can cool its heater.
             has_fault: self.fault.is_some(),
             is_halted: self.is_halted || self.fault.is_some(),
             has_supply: self.has_supply(),
@@ -141,8 +147,8 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         self.fault
     }
 
-    /// Sets a target, degrees Celsius; anything not above 0 switches the heater off. It ends an autotune of the heater.
-    /// Ignored after a fault, and while the power supply is off.
+    /// Sets a target, degrees Celsius; anything not above 0 switches the heater off. It ends an
+    /// autotune of the heater. Ignored after a fault, and while the power supply is off.
     pub fn set_target(&mut self, heater: Heater, celsius: f32) {
         if self.fault.is_some() || !self.has_supply() {
             return;
@@ -162,16 +168,18 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         self.channel(heater).map_or_else(PidGains::default, |channel| channel.settings.gains)
     }
 
-    /// Sets the gains of a heater, from the next [`Self::update`] on. The caller keeps them within their ranges.
+    /// Sets the gains of a heater, from the next [`Self::update`] on. The caller keeps them
+    /// within their ranges.
     pub fn set_gains(&mut self, heater: Heater, gains: PidGains) {
         if let Some(channel) = self.channel_mut(heater) {
             channel.settings.gains = gains;
         }
     }
 
-    /// Tunes a heater at a target by a relay that counts `cycles`, and `cycles` again with the part-cooling fan at
-    /// full power if `has_fan`. All checks continue; after its last cycle the heater is off. [`Self::set_target`], a
-    /// fault and [`Self::all_off`] end it. Ignored after a fault.
+    /// Tunes a heater at a target by a relay that counts `cycles`, and `cycles` again with
+    /// the part-cooling fan at full power if `has_fan`. All checks continue; after its last
+    /// cycle the heater is off. [`Self::set_target`], a fault and [`Self::all_off`] end it.
+    /// Ignored after a fault.
     pub fn begin_relay(&mut self, heater: Heater, celsius: f32, cycles: u8, has_fan: bool) {
         self.set_target(heater, celsius);
         if self.fault.is_none()
@@ -221,16 +229,18 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// Lets a model control a nozzle or the bed from the next [`Self::update`] on, or changes it. The caller keeps it within its ranges.
+    /// Lets a model control a nozzle or the bed from the next [`Self::update`] on, or changes it.
+    /// The caller keeps it within its ranges.
     pub fn set_model(&mut self, heater: Heater, model: HeaterModel) {
         if let Some(models) = M::get_mut(&mut self.models) {
             models.set_model(heater, model);
         }
     }
 
-    /// Finds the model of a heater that has one, and is not hotter than [`super::hottest_start`], by a step response
-    /// up to a target, and with the part-cooling fan at full power if `has_fan`. All checks continue; after it the
-    /// heater is off. [`Self::set_target`], a fault and [`Self::all_off`] end it. Ignored after a fault.
+    /// Finds the model of a heater that has one, and is not hotter than [`super::hottest_start`],
+    /// by a step response up to a target, and with the part-cooling fan at full power if `has_fan`.
+    /// All checks continue; after it the heater is off. [`Self::set_target`], a fault and
+    /// [`Self::all_off`] end it. Ignored after a fault.
     pub fn begin_step(&mut self, heater: Heater, celsius: f32, has_fan: bool) {
         self.set_target(heater, celsius);
         if self.fault.is_none()
@@ -246,8 +256,9 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         self.models()?.step(heater)
     }
 
-    /// Takes how much filament the extruder has pushed since some moment, thousandths of a millimetre; to be called before each
-    /// [`Self::update`] of a machine whose nozzle melts filament.
+    /// Takes how much filament the extruder has pushed since some moment, thousandths
+    /// of a millimetre; to be called before each [`Self::update`] of a machine whose
+    /// nozzle melts filament.
     pub fn note_filament(&mut self, pushed_um: i32) {
         if let Some(models) = M::get_mut(&mut self.models) {
             models.note_filament(pushed_um);
@@ -262,7 +273,8 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// Sets the demand on fans from the next [`Self::update`] on. After a fault all have full power.
+    /// Sets the demand on fans from the next [`Self::update`] on. After a fault all
+    /// have full power.
     pub fn set_fan_demand(&mut self, demand: FanDemand) {
         self.fan_demand = demand;
     }
@@ -272,7 +284,8 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         FanStatus { power: self.fans.power(output), rpm: self.fans.rpm(output) }
     }
 
-    /// The first fan that has full power and turns too slowly ([`crate::heat::fans::FanSettings::least_rpm`]).
+    /// The first fan that has full power and turns too slowly
+    /// ([`crate::heat::fans::FanSettings::least_rpm`]).
     pub fn stalled_fan(&self) -> Option<FanOutput> {
         self.fans.stalled()
     }
@@ -283,8 +296,8 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         self.end_step();
     }
 
-    /// Switches the power supply; off switches all heaters off as well. The next [`Self::update`] sets the board's output. A fault keeps
-    /// it off.
+    /// Switches the power supply; off switches all heaters off as well. The next [`Self::update`]
+    /// sets the board's output. A fault keeps it off.
     pub fn set_supply(&mut self, on: bool) {
         self.supply = Some(on && self.fault.is_none());
         if !on {
@@ -302,17 +315,18 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         !matches!(self.supply, Some(false))
     }
 
-    /// Halts the machine's heat: switches all heaters off, and the power supply if that can be switched, so that a
-    /// heater whose transistor has failed closed is off as well. The next [`Self::update`] sets the board's outputs.
-    /// [`Self::restart`] ends the halt, and leaves the supply off.
+    /// Halts the machine's heat: switches all heaters off, and the power supply if that can
+    /// be switched, so that a heater whose transistor has failed closed is off as well. The
+    /// next [`Self::update`] sets the board's outputs. [`Self::restart`] ends the halt, and
+    /// leaves the supply off.
     pub fn halt(&mut self) {
         self.all_off();
         self.supply = self.supply.map(|_| false);
         self.is_halted = true;
     }
 
-    /// M999: clears the fault, so that heaters may be switched on again; not if it needs a reset, or if the last readings show
-    /// a fault.
+    /// M999: clears the fault, so that heaters may be switched on again; not if it needs a reset,
+    /// or if the last readings show a fault.
     ///
     /// # Errors
     /// The fault, and everything stays off.
@@ -334,7 +348,8 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         self.fault.map_or(Ok(()), Err)
     }
 
-    /// Temperature, target and power of a heater. The temperature is the last one; 0, too cold to extrude, before the first.
+    /// Temperature, target and power of a heater. The temperature is the last one; 0, too cold to
+    /// extrude, before the first.
     pub fn status(&self, heater: Heater) -> HeaterStatus {
         let Some(channel) = self.channel(heater) else { return HeaterStatus::default() };
         let celsius = channel.celsius.unwrap_or(0.0);
@@ -366,7 +381,8 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// The temperature of the hottest nozzle, degrees Celsius; `None` where one of them is not known: its fan turns then.
+    /// The temperature of the hottest nozzle, degrees Celsius; `None` where one of them is not
+    /// known: its fan turns then.
     fn hottest_nozzle(&self) -> Option<f32> {
         let celsius = |nozzle: &Channel| nozzle.thermometer.celsius().ok();
         let first = self.channel(Heater::Nozzle).and_then(celsius);

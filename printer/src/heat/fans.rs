@@ -1,7 +1,7 @@
 //! Fans: what each is to do, how it starts, and whether it turns.
 //!
-//! Commands and rules ask for powers; [`FanControl`] makes of them what each output gets, with every sample of the heaters'
-//! control.
+//! Commands and rules ask for powers; [`FanControl`] makes of them what each output gets, with
+//! every sample of the heaters' control.
 
 mod watch;
 
@@ -20,7 +20,8 @@ const HOT_END_OFF_CELSIUS: f32 = 45.0;
 pub enum FanRule {
     /// Turned by SET_FAN_SPEED, and by M106 and M107.
     Commanded {
-        /// P of M106 and M107; 0 is the part-cooling fan, which they set without a P. `None`: by its name only.
+        /// P of M106 and M107; 0 is the part-cooling fan, which they set without a P. `None`:
+        /// by its name only.
         number: Option<u8>,
     },
     /// Turns at full power above a hot nozzle, which would otherwise melt the filament on its way.
@@ -83,7 +84,8 @@ pub struct FanSettings {
     pub kick_start_ms: u16,
     /// The least power that turns it, 0 to 255: a lower demand above 0 is raised to this.
     pub least_power: u8,
-    /// Slower than this at full power it counts as failed, turns a minute; 0: its tachometer is not looked at.
+    /// Slower than this at full power it counts as failed, turns a minute; 0: its tachometer
+    /// is not looked at.
     pub least_rpm: u16,
 }
 
@@ -145,7 +147,8 @@ pub(crate) struct Heated {
     pub nozzle_celsius: Option<f32>,
     /// True if the bed has a target.
     pub bed_is_on: bool,
-    /// Every fan is to blow with all its power: a heater that cannot be switched off needs moving air.
+    /// Every fan is to blow with all its power: a heater that cannot be switched off
+    /// needs moving air.
     pub has_fault: bool,
     /// The machine was halted: outputs are as the profile says for that.
     pub is_halted: bool,
@@ -179,7 +182,8 @@ impl FanControl {
         Self { fans: [fan; FanOutput::COUNT] }
     }
 
-    /// Works out every fan's power and sets it; to be called every [`SAMPLE_MS`]. Returns the power of the part-cooling fan's output.
+    /// Works out every fan's power and sets it; to be called every [`SAMPLE_MS`]. Returns the power
+    /// of the part-cooling fan's output.
     pub fn update(&mut self, table: &FanTable, demand: &FanDemand, heated: &Heated, board: &mut impl Fans) -> u8 {
         for (output, settings) in FanOutput::ALL.into_iter().zip(table) {
             let (Some(fan), Some(settings)) = (self.fans.get_mut(output.index()), settings) else { continue };

@@ -2,8 +2,9 @@
 
 use super::sample_time::SAMPLE_S;
 
-/// Share of the newest speed that the smoothed one takes over, a sample: a time constant of half a second. Motion is
-/// planned in pieces of up to that, and filament that is drawn back and pushed again does not melt.
+/// Share of the newest speed that the smoothed one takes over, a sample: a time constant of half a
+/// second. Motion is planned in pieces of up to that, and filament that is drawn back and pushed
+/// again does not melt.
 const SHARE: f32 = 2.0 * SAMPLE_S;
 
 /// A change in one sample that no extruder makes, thousandths of a millimetre: its place was set.

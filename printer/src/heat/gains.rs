@@ -9,7 +9,8 @@ pub struct PidGains {
     pub integral: f32,
     /// Power seconds per degree.
     pub derivative: f32,
-    /// Cooling by the part-cooling fan at full power: power per degree between the target and [`Self::ROOM_CELSIUS`].
+    /// Cooling by the part-cooling fan at full power: power per degree between the target and
+    /// [`Self::ROOM_CELSIUS`].
     pub fan: f32,
 }
 

@@ -1,19 +1,21 @@
-//! A heater by its model: it heats one mass that loses heat to the air, and the thermistor follows with a lag.
+//! A heater by its model: it heats one mass that loses heat to the air, and the thermistor
+//! follows with a lag.
 //!
 //! ```text
 //! C dB/dt = P + U - G (B - room)        dS/dt = R (B - S)
 //! ```
 //!
-//! B is the mass, S the thermistor, P the heater's power, G the loss by air, fan and filament. U is the unmodelled
-//! power, W: it is found from the difference between the measured temperature and S, and so the loop holds its target
-//! even with a wrong model.
+//! B is the mass, S the thermistor, P the heater's power, G the loss by air, fan and filament. U is
+//! the unmodelled power, W: it is found from the difference between the measured temperature and S,
+//! and so the loop holds its target even with a wrong model.
 
 use super::sample_time::SAMPLE_S;
 
 /// The room's temperature as the model counts it, degrees Celsius. U takes the difference.
 const ROOM_CELSIUS: f32 = 25.0;
 
-/// Speed at which estimates follow the measured temperature: poles, all three, over the sensor's response.
+/// Speed at which estimates follow the measured temperature: poles, all three, over the
+/// sensor's response.
 const OBSERVER: f32 = 1.2;
 /// Time in which the loop means to reach its target, over the sensor's lag ...
 const APPROACH: f32 = 0.8;
@@ -113,8 +115,8 @@ impl ModelLoop {
         let off = (celsius - self.sensor) * SAMPLE_S;
         self.sensor += (3.0 * pole - response) * off;
         self.block += 3.0 * pole * pole / response * off;
-        // At an end of its range the power does not hold the temperature, and on the way up a wrong capacity would
-        // count as power.
+        // At an end of its range the power does not hold the temperature, and on the way up a wrong
+        // capacity would count as power.
         if power > 0.0 && power < 1.0 {
             let most_w = 0.5 * model.power_w;
             let unmodelled_w = self.unmodelled_w + model.capacity_j_per_k * pole * pole * pole / response * off;

@@ -19,7 +19,8 @@ impl Modelled {
     const NONE: Self = Self { model: None, control: ModelLoop::new() };
 }
 
-/// The models of the nozzle, the bed and, with several nozzles (`T`), the second one's; one step response, and the filament.
+/// The models of the nozzle, the bed and, with several nozzles (`T`), the second one's; one step
+/// response, and the filament.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Models<T: Part> {
     /// The nozzle's and the bed's, by their index.
@@ -47,8 +48,8 @@ impl<T: Part> Models<T> {
         self.of(heater)?.model
     }
 
-    /// Sets the model of a nozzle or the bed. The loop of another model begins anew: its findings were that model's
-    /// errors.
+    /// Sets the model of a nozzle or the bed. The loop of another model begins anew: its findings
+    /// were that model's errors.
     pub fn set_model(&mut self, heater: Heater, model: HeaterModel) {
         if let Some(place) = place::<T>(&mut self.usual, &mut self.further, heater)
             && place.model != Some(model)
@@ -82,8 +83,9 @@ impl<T: Part> Models<T> {
         self.step.as_ref().filter(|(of, _)| *of == heater).map(|(_, step)| step.progress())
     }
 
-    /// Power for the next sample of a heater with a model, 0 to 1; `None` for another. `power` was that of the last. Filament takes heat
-    /// only from a nozzle that is the selected one (`melts`). A step response that ends sets the target to 0.
+    /// Power for the next sample of a heater with a model, 0 to 1; `None` for another. `power` was
+    /// that of the last. Filament takes heat only from a nozzle that is the selected one (`melts`).
+    /// A step response that ends sets the target to 0.
     pub fn power(
         &mut self,
         heater: Heater,

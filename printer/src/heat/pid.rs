@@ -3,11 +3,13 @@
 use super::gains::PidGains;
 use super::sample_time::SAMPLE_S;
 
-/// Share of the newest slope that the filtered one takes over, a sample: a time constant of half a second.
+/// Share of the newest slope that the filtered one takes over, a sample: a time constant
+/// of half a second.
 const SLOPE_SHARE: f32 = 2.0 * SAMPLE_S;
 
-/// Share of its integral that it forgets each sample while it is off: a time constant of 30 s. A heater that is switched on
-/// again after seconds needs about the power that it needed; with that power one that has cooled would overshoot.
+/// Share of its integral that it forgets each sample while it is off: a time constant of 30 s. A
+/// heater that is switched on again after seconds needs about the power that it needed; with that
+/// power one that has cooled would overshoot.
 const FORGOTTEN_SHARE: f32 = SAMPLE_S / 30.0;
 
 /// A PID loop whose derivative is that of the temperature, so that a new target gives no kick.
@@ -39,11 +41,12 @@ impl Pid {
         let error = target - celsius;
         let fan = gains.fan * (target - PidGains::ROOM_CELSIUS).max(0.0) * (f32::from(fan_power) / 255.0);
         let unlimited = gains.proportional * error + self.accumulated - gains.derivative * self.slope + fan;
-        // Anti-windup: the sum rests while the power is at an end of its range and would be driven past it.
+        // Anti-windup: the sum rests while the power is at an end of its range and would
+        // be driven past it.
         let pushing_past = unlimited > 1.0 && error > 0.0 || unlimited < 0.0 && error < 0.0;
         if !pushing_past {
-            // The error to come: on a long approach the sum of those that were would be more than holds the target. It looks
-            // ahead by the derivative gain over the proportional one, s.
+            // The error to come: on a long approach the sum of those that were would be more than
+            // holds the target. It looks ahead by the derivative gain over the proportional one, s.
             let error = error - gains.derivative / gains.proportional * self.slope;
             self.accumulated = (self.accumulated + gains.integral * error * SAMPLE_S).clamp(0.0, 1.0);
         }

@@ -1,16 +1,16 @@
-//! The relay of an autotune (M303), with full power below the target and no power above it, and the response of the
-//! temperature.
+//! The relay of an autotune (M303), with full power below the target and no power above it, and the
+//! response of the temperature.
 //!
-//! After each switching the temperature continues for the heater's delay. For a heater that answers a change of power
-//! by a change of slope `k` (degrees a second at full power) after a delay `L`, and is on for a share `x` of the
-//! time:
+//! After each switching the temperature continues for the heater's delay. For a heater that answers
+//! a change of power by a change of slope `k` (degrees a second at full power) after a delay `L`,
+//! and is on for a share `x` of the time:
 //!
-//! - the swing, from the lowest temperature to the highest, is `k L + 2 h`, with `h` the distance of the switching points
-//!   from the target ([`HALF_WIDTH_CELSIUS`]);
+//! - the swing, from the lowest temperature to the highest, is `k L + 2 h`, with `h` the distance
+//!   of the switching points from the target ([`HALF_WIDTH_CELSIUS`]);
 //! - a cycle takes `(L + 2 h / k) / (x (1 - x))`.
 //!
-//! Both hold for any share, so that the power need not be balanced first. The relay needs no other knowledge of the
-//! heater.
+//! Both hold for any share, so that the power need not be balanced first. The relay needs no other
+//! knowledge of the heater.
 
 use super::sample_time::SAMPLE_S;
 
@@ -59,7 +59,8 @@ pub struct RelayFindings {
 /// Progress of a relay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RelayProgress {
-    /// It continues: the number of cycles that have ended, and the lowest and highest temperature of the last one.
+    /// It continues: the number of cycles that have ended, and the lowest and highest temperature
+    /// of the last one.
     Cycles {
         /// Cycles that have ended.
         ended: u8,
@@ -72,7 +73,8 @@ pub enum RelayProgress {
     },
     /// It has ended.
     Found(RelayFindings),
-    /// A half of a cycle has taken more than 20 minutes, of a chamber an hour, or the swing gives no result.
+    /// A half of a cycle has taken more than 20 minutes, of a chamber an hour, or the swing
+    /// gives no result.
     Failed,
 }
 
@@ -100,7 +102,8 @@ pub struct Relay {
 }
 
 impl Relay {
-    /// A relay that counts this number of cycles, and as many again with the part-cooling fan if the heater has one.
+    /// A relay that counts this number of cycles, and as many again with the part-cooling fan if
+    /// the heater has one.
     pub const fn new(counted: u8, has_fan: bool) -> Self {
         Self {
             still: Cycles { on: 0, all: 0 },
@@ -138,7 +141,8 @@ impl Relay {
         self.has_fan && self.ended >= self.part() && !self.has_ended()
     }
 
-    /// Power for the next sample: 0 or 1. It fails where a half of a cycle takes more than `longest_samples`.
+    /// Power for the next sample: 0 or 1. It fails where a half of a cycle takes more than
+    /// `longest_samples`.
     pub fn power(&mut self, celsius: f32, target: f32, longest_samples: u32) -> f32 {
         if self.has_ended() {
             return 0.0;

@@ -1,8 +1,9 @@
 //! Detection of failed heaters: all thermal checks are here.
 //!
-//! [`Safety::check`] sees each sample of one heater: the temperature (freed of single bad readings, see
-//! `Thermometer`), the target, and the power that was in force up to now. A fault switches *all* heaters off, in the
-//! same sample ([`super::HeatControl`]). The checks use no value that the control has worked out, and set none.
+//! [`Safety::check`] sees each sample of one heater: the temperature (freed of single bad readings,
+//! see `Thermometer`), the target, and the power that was in force up to now. A fault switches
+//! *all* heaters off, in the same sample ([`super::HeatControl`]). The checks use no value that the
+//! control has worked out, and set none.
 //!
 //! | what has happened | what reports it | after |
 //! |---|---|---|
@@ -23,8 +24,8 @@ use crate::settings::profile::heaters::{HeaterSettings, HeaterWatch};
 
 use super::sample_time::SAMPLE_MS;
 
-/// A heater at power 0 that becomes this much hotter within its watch period is being heated, degrees. Over a hot bed a nozzle
-/// takes minutes for that, and so does a bed under a hot nozzle.
+/// A heater at power 0 that becomes this much hotter within its watch period is being heated,
+/// degrees. Over a hot bed a nozzle takes minutes for that, and so does a bed under a hot nozzle.
 const UNPOWERED_RISE_CELSIUS: f32 = 10.0;
 
 /// Above this temperature, degrees Celsius, a heater without power must become colder ...
@@ -36,18 +37,19 @@ const COOLING_MS: u32 = 600_000;
 
 /// The room's temperature as the hysteresis counts it, degrees Celsius.
 const ROOM_CELSIUS: f32 = 25.0;
-/// Least distance below its target that a heater is allowed, however near the room's temperature, degrees.
+/// Least distance below its target that a heater is allowed, however near the room's
+/// temperature, degrees.
 const LEAST_HYSTERESIS_CELSIUS: f32 = 4.0;
 
-/// A change of power, as a share of full power, that no heater takes without the temperature changing by a step of its
-/// reading.
+/// A change of power, as a share of full power, that no heater takes without the temperature
+/// changing by a step of its reading.
 const POWER_THAT_SHOWS: f32 = 0.05;
 
-/// The longest time that a reading may stay the same while an autotune heats at full power: a nozzle of 5 degrees a second would
-/// become far too hot in the runaway period.
+/// The longest time that a reading may stay the same while an autotune heats at full power: a
+/// nozzle of 5 degrees a second would become far too hot in the runaway period.
 const TUNED_MS: u32 = 5_000;
-/// The same of a chamber, whose air takes that long for a step of its reading where the heater hardly reaches the target, and becomes 3
-/// degrees warmer meanwhile.
+/// The same of a chamber, whose air takes that long for a step of its reading where the heater
+/// hardly reaches the target, and becomes 3 degrees warmer meanwhile.
 const TUNED_CHAMBER_MS: u32 = 60_000;
 
 /// A fault that a check has found; temperatures in degrees Celsius.
@@ -72,11 +74,13 @@ pub enum Trip {
 }
 
 impl Trip {
-    /// Returns true if only a reset of the board ends it, not M999: the heater, its transistor or the thermistor's
-    /// place has failed, and no reading can show that it is sound again. A host that repeats M999 and M104 would
-    /// grant a heater without a thermistor one watch period at full power after the other.
+    /// Returns true if only a reset of the board ends it, not M999: the heater, its transistor or
+    /// the thermistor's place has failed, and no reading can show that it is sound again. A host
+    /// that repeats M999 and M104 would grant a heater without a thermistor one watch period at
+    /// full power after the other.
     ///
-    /// The others end when the reading is within its limits again: a plug put back, a nozzle that has cooled.
+    /// The others end when the reading is within its limits again: a plug put back, a nozzle
+    /// that has cooled.
     pub const fn needs_reset(self) -> bool {
         match self {
             Self::Sensor(_) | Self::TooHot(_) | Self::TooCold(_) => false,
@@ -124,10 +128,11 @@ impl Since {
 enum Phase {
     /// The heater's target is 0.
     Off,
-    /// The heater has not reached its target: the time when it last became hotter by the watch's degrees, and the
-    /// lowest temperature since.
+    /// The heater has not reached its target: the time when it last became hotter by the watch's
+    /// degrees, and the lowest temperature since.
     Heating(Since),
-    /// The heater has reached its target; since then it has been too far below it for this many samples.
+    /// The heater has reached its target; since then it has been too far below it for
+    /// this many samples.
     Holding(u32),
 }
 
@@ -164,8 +169,8 @@ impl Safety {
         }
     }
 
-    /// Looks at a sample: the temperature, the target (0 for off), the power up to now (0 to 1), and whether an autotune makes
-    /// it swing. The settings are the same each time.
+    /// Looks at a sample: the temperature, the target (0 for off), the power up to now (0 to 1),
+    /// and whether an autotune makes it swing. The settings are the same each time.
     ///
     /// # Errors
     /// The heater, or its thermistor, has failed.
@@ -194,9 +199,9 @@ impl Safety {
         self.check_same(settings, celsius, power, is_tuned)
     }
 
-    /// Begins a new phase at a new target; [`Self::check_phase`] decides in the same sample whether it is reached
-    /// already. A heater that has been heating up gets no more time than it had: a host that sends M104 again and
-    /// again must not put the watch to sleep.
+    /// Begins a new phase at a new target; [`Self::check_phase`] decides in the same sample whether
+    /// it is reached already. A heater that has been heating up gets no more time than it had: a
+    /// host that sends M104 again and again must not put the watch to sleep.
     fn follow(&mut self, celsius: f32, target: f32) {
         if target == self.target {
             return;
@@ -209,12 +214,12 @@ impl Safety {
         };
     }
 
-    /// Returns true if it is no farther below the target than the runaway check allows. Above the target counts as
-    /// near.
+    /// Returns true if it is no farther below the target than the runaway check allows. Above the
+    /// target counts as near.
     ///
-    /// The bound is the profile's hysteresis, but at most a third of the difference between room and target. The loss to a draught
-    /// grows with that difference, and a thermistor that has fallen out, which reads the room, must never be near a low
-    /// target.
+    /// The bound is the profile's hysteresis, but at most a third of the difference between room
+    /// and target. The loss to a draught grows with that difference, and a thermistor that has
+    /// fallen out, which reads the room, must never be near a low target.
     fn is_near(&self, settings: &HeaterSettings, celsius: f32) -> bool {
         let HeaterSettings { watch, residency_window_celsius, .. } = settings;
         let least = residency_window_celsius.max(LEAST_HYSTERESIS_CELSIUS);
@@ -231,8 +236,8 @@ impl Safety {
             Phase::Heating(_) if is_near => self.phase = Phase::Holding(0),
             Phase::Heating(since) if celsius >= since.celsius + watch.watch_celsius => *since = Since::now(celsius),
             Phase::Heating(since) => {
-                // Just switched on again it may keep cooling while the heat is on its way. The time runs
-                // nevertheless.
+                // Just switched on again it may keep cooling while the heat is on its way. The time
+                // runs nevertheless.
                 since.celsius = since.celsius.min(celsius);
                 since.tick();
                 if since.samples >= watch.watch_ms / SAMPLE_MS {
@@ -250,8 +255,8 @@ impl Safety {
         Ok(())
     }
 
-    /// Checks that the temperature hardly rises without power. Heat on its way to the thermistor when the power went
-    /// may arrive first: it has a quarter of the watch period.
+    /// Checks that the temperature hardly rises without power. Heat on its way to the thermistor
+    /// when the power went may arrive first: it has a quarter of the watch period.
     fn check_unpowered(&mut self, watch: &HeaterWatch, celsius: f32, power: f32) -> Result<(), Trip> {
         let watch_samples = watch.watch_ms / SAMPLE_MS;
         self.unpowered = if power > 0.0 { 0 } else { self.unpowered.saturating_add(1) };
@@ -266,8 +271,8 @@ impl Safety {
         Ok(())
     }
 
-    /// Checks that a heater far hotter than any room becomes colder without power. Otherwise one that is too weak to
-    /// rise further would stay on without end.
+    /// Checks that a heater far hotter than any room becomes colder without power. Otherwise one
+    /// that is too weak to rise further would stay on without end.
     fn check_cooling(&mut self, celsius: f32, power: f32) -> Result<(), Trip> {
         if power > 0.0 || celsius < HOT_CELSIUS || celsius <= self.hot.celsius - COOLING_CELSIUS {
             self.hot = Since::now(celsius);
@@ -279,8 +284,8 @@ impl Safety {
         Ok(())
     }
 
-    /// Checks that the reading at the target changes when the power does, and always in an autotune. On the way there
-    /// the watch notices a frozen reading.
+    /// Checks that the reading at the target changes when the power does, and always in an
+    /// autotune. On the way there the watch notices a frozen reading.
     fn check_same(&mut self, settings: &HeaterSettings, celsius: f32, power: f32, is_tuned: bool) -> Result<(), Trip> {
         let (same_celsius, same_power) = self.changed;
         if celsius != same_celsius || !matches!(self.phase, Phase::Holding(_)) {

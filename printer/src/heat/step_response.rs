@@ -1,12 +1,15 @@
 //! The constants of a heater's model by its response to full power (M306 T).
 //!
-//! Full power from cold ([`hottest_start`]) to the target, none until the temperature has passed its peak, then the target is held: without the part-cooling
-//! fan and, for a nozzle, with it. For a mass `C` with a loss `G` to a room at 25 degrees, whose thermistor is late by `L`:
+//! Full power from cold ([`hottest_start`]) to the target, none until the temperature has passed
+//! its peak, then the target is held: without the part-cooling fan and, for a nozzle, with it. For
+//! a mass `C` with a loss `G` to a room at 25 degrees, whose thermistor is late by `L`:
 //!
 //! - holding the target takes `G (T - room)`;
-//! - on the way up the temperature rises by `s = (P - G (B - room)) / C`, with the mass at `B = T + s L`;
-//! - without power the temperature rises further by `s L - r t` until its peak after `t`, with `r = G (T - room) / C`. A dead time counts as
-//!   `1 + r / s` times as long a lag: the loop is the slower for it, and stable.
+//! - on the way up the temperature rises by `s = (P - G (B - room)) / C`, with the mass
+//!   at `B = T + s L`;
+//! - without power the temperature rises further by `s L - r t` until its peak after `t`, with
+//!   `r = G (T - room) / C`. A dead time counts as `1 + r / s` times as long a lag: the loop is the
+//!   slower for it, and stable.
 //!
 //! The power at full is not found: `C` and `G` are in proportion to it.
 
@@ -86,7 +89,8 @@ pub struct StepResponse {
     rises: f32,
 }
 
-/// The hottest that a heater may be when its step begins, degrees Celsius: the slope is to be that of full power alone.
+/// The hottest that a heater may be when its step begins, degrees Celsius: the slope is to be that
+/// of full power alone.
 pub fn hottest_start(target: f32) -> f32 {
     target - 3.0 * SLOPE_SHARE * (target - ROOM_CELSIUS)
 }
@@ -102,7 +106,8 @@ fn samples(seconds: f32) -> u32 {
 }
 
 impl StepResponse {
-    /// A step of a heater of this model's power; `has_fan`: also with the part-cooling fan at full power.
+    /// A step of a heater of this model's power; `has_fan`: also with the part-cooling
+    /// fan at full power.
     pub const fn new(model: HeaterModel, has_fan: bool) -> Self {
         Self {
             phase: Phase::Heating,
@@ -145,7 +150,8 @@ impl StepResponse {
         (self.powers, self.rises, self.begun_celsius) = (0.0, 0.0, self.celsius);
     }
 
-    /// Power for the next sample, 0 to 1. `power` was that of the last, and `control` holds the target.
+    /// Power for the next sample, 0 to 1. `power` was that of the last, and `control`
+    /// holds the target.
     pub fn power(&mut self, control: &mut ModelLoop, celsius: f32, target: f32, power: f32) -> f32 {
         if self.celsius.is_nan() {
             self.celsius = celsius;
@@ -209,8 +215,8 @@ impl StepResponse {
         if self.has_ended() { 0.0 } else { control.power(&self.model, celsius, target, power, &cooling) }
     }
 
-    /// Begins to hold the target by a first model, whose loss is guessed: a third of the power. The loop finds the
-    /// rest.
+    /// Begins to hold the target by a first model, whose loss is guessed: a third of the power. The
+    /// loop finds the rest.
     fn begin_holding(&mut self) {
         let peak_s = self.peak_samples as f32 * SAMPLE_S;
         let power_w = self.model.power_w;
@@ -224,7 +230,8 @@ impl StepResponse {
         self.go_on(Phase::Settling);
     }
 
-    /// Works out the model from the power that held the target. The slope was measured around `slope_celsius`.
+    /// Works out the model from the power that held the target. The slope was measured around
+    /// `slope_celsius`.
     fn measured(&mut self, slope_celsius: f32) {
         let count = self.samples as f32;
         let stored_w = self.model.capacity_j_per_k * (self.celsius - self.begun_celsius) / (count * SAMPLE_S);

@@ -78,7 +78,8 @@ const USUAL: [Heater; 2] = [Heater::Nozzle, Heater::Bed];
 /// The same, and the nozzle of a second tool.
 const ALONE: [Heater; 3] = [Heater::Nozzle, Heater::Bed, Heater::Nozzle1];
 
-/// Nozzle and bed of these settings on the virtual board, a chamber, a second nozzle, and their control.
+/// Nozzle and bed of these settings on the virtual board, a chamber, a second nozzle,
+/// and their control.
 fn control_of(
     [nozzle, bed]: [HeaterSettings; 2],
     [chamber, nozzle1]: [Option<HeaterSettings>; 2],

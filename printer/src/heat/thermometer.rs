@@ -31,7 +31,8 @@ impl Thermometer {
 
     /// Temperature by the median of the last readings, degrees Celsius.
     ///
-    /// An open circuit gives the highest reading and a shorted one the lowest; the median treats them like any other.
+    /// An open circuit gives the highest reading and a shorted one the lowest; the median treats
+    /// them like any other.
     ///
     /// # Errors
     /// The circuit is open or shorted.

@@ -1,12 +1,14 @@
-//! Heaters that have a target and are not used go off: a host that has gone must not leave them on for good.
+//! Heaters that have a target and are not used go off: a host that has gone must not leave
+//! them on for good.
 //!
-//! Use is a line from any host, a frame of a prepared job, motion, or a line at work that ends by itself: a dwell
-//! (G4), a wait for heat (M109, M190, M191) while the temperature comes nearer to its target ([`Approach`]), an
-//! autotune. Otherwise a long heat soak would end with a cold bed, and the print would continue. After such a line
-//! comes the next one, or silence.
+//! Use is a line from any host, a frame of a prepared job, motion, or a line at work that ends by
+//! itself: a dwell (G4), a wait for heat (M109, M190, M191) while the temperature comes nearer to
+//! its target ([`Approach`]), an autotune. Otherwise a long heat soak would end with a cold bed,
+//! and the print would continue. After such a line comes the next one, or silence.
 //!
-//! A wait for a person (M0, M25, M600) does not count: it may last any time. When it ends, the print heats up again,
-//! and waits, before anything moves. So does a print whose host was silent for too long. A warning comes first.
+//! A wait for a person (M0, M25, M600) does not count: it may last any time. When it ends, the
+//! print heats up again, and waits, before anything moves. So does a print whose host was silent
+//! for too long. A warning comes first.
 
 use core::fmt;
 
@@ -49,8 +51,8 @@ impl fmt::Display for HeaterRest {
     }
 }
 
-/// Minimum approach of a temperature to its target for its wait to count as use, degrees. A heater that never arrives
-/// does not keep heaters on for good.
+/// Minimum approach of a temperature to its target for its wait to count as use, degrees. A heater
+/// that never arrives does not keep heaters on for good.
 const MIN_APPROACH_CELSIUS: f32 = 0.5;
 
 /// Progress of a wait for heat towards its target.
@@ -65,8 +67,8 @@ impl Approach {
         Self { nearest_celsius: f32::INFINITY }
     }
 
-    /// Returns true if the wait makes progress, with the temperature this far from its target: it has arrived, or has
-    /// come nearer since the last call that returned `true`.
+    /// Returns true if the wait makes progress, with the temperature this far from its target: it
+    /// has arrived, or has come nearer since the last call that returned `true`.
     pub(crate) fn goes_on(&mut self, distance_celsius: f32, has_arrived: bool) -> bool {
         let is_nearer = distance_celsius <= self.nearest_celsius - MIN_APPROACH_CELSIUS;
         if is_nearer {
@@ -90,9 +92,9 @@ impl HeaterTimeout {
         Self { since_ms: None, warned: false }
     }
 
-    /// Watches the heaters; to be called several times a second, with a clock of milliseconds that may wrap.
-    /// `is_used`: there was a use since the last call; `has_target`: a heater has a target; `timeout_s`: 0 is never.
-    /// Warns before it ends, even if it was not called in between.
+    /// Watches the heaters; to be called several times a second, with a clock of milliseconds that
+    /// may wrap. `is_used`: there was a use since the last call; `has_target`: a heater has a
+    /// target; `timeout_s`: 0 is never. Warns before it ends, even if it was not called in between.
     pub fn look(&mut self, now_ms: u32, is_used: bool, has_target: bool, timeout_s: u16) -> Option<HeaterRest> {
         if is_used || !has_target || timeout_s == 0 {
             *self = Self::new();

@@ -3,12 +3,14 @@
 use super::gains::PidGains;
 use super::relay::RelayFindings;
 
-/// Proportional gain times slope and delay: about a third of pi / 2, at which a heater with this delay, as an
-/// integrator with a delay, would swing endlessly.
+/// Proportional gain times slope and delay: about a third of pi / 2, at which a heater with this
+/// delay, as an integrator with a delay, would swing endlessly.
 const PROPORTIONAL: f32 = 0.5;
-/// Integral time, in delays: the integral slowly takes over the power that the proportional part gives at once.
+/// Integral time, in delays: the integral slowly takes over the power that the proportional
+/// part gives at once.
 const INTEGRAL_DELAYS: f32 = 5.0;
-/// Derivative time, in delays: on the way up at full power the loop takes the power away about a delay before the target.
+/// Derivative time, in delays: on the way up at full power the loop takes the power away about a
+/// delay before the target.
 const DERIVATIVE_DELAYS: f32 = 0.9;
 
 /// The shortest delay that counts, s: that of the loop's own slope filter.

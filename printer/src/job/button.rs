@@ -1,4 +1,5 @@
-//! The button of a board, such as the one in a display's knob: it resumes a print that waits for a person.
+//! The button of a board, such as the one in a display's knob: it resumes a print that
+//! waits for a person.
 
 use crate::job::debounce::Debounce;
 use crate::signals::Signals;
@@ -19,9 +20,9 @@ impl ButtonWatch {
         Self { is_pressed: false, debounce: Debounce::new() }
     }
 
-    /// Looks at the contact; to be called every few milliseconds with its present state and a clock of milliseconds
-    /// that may wrap. A press answers as a prompt's first button does (M876 S0); while nothing waits for a person it
-    /// has no effect.
+    /// Looks at the contact; to be called every few milliseconds with its present state and a clock
+    /// of milliseconds that may wrap. A press answers as a prompt's first button does (M876 S0);
+    /// while nothing waits for a person it has no effect.
     pub fn look(&mut self, now_ms: u32, is_pressed: bool, signals: &Signals) {
         if self.debounce.has_settled(now_ms, is_pressed, self.is_pressed, BOUNCE_MS) {
             self.is_pressed = is_pressed;

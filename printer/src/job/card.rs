@@ -16,7 +16,8 @@ impl From<&OpenedFile> for Selected {
     }
 }
 
-/// Returns true if a file has this extension: `short` of its short name (8.3), or `long` of its long one.
+/// Returns true if a file has this extension: `short` of its short name (8.3), or `long`
+/// of its long one.
 pub(crate) fn is_a(file: &OpenedFile, short: &str, long: &str) -> bool {
     let end = file.long.len().checked_sub(long.len()).and_then(|start| file.long.get(start..));
     file.short.ends_with(short) || end.is_some_and(|end| end.eq_ignore_ascii_case(long))
@@ -101,7 +102,8 @@ impl<'a> Card<'a> {
         self.selected.is_some_and(|selected| selected.is_prepared)
     }
 
-    /// Place at which a paused print resumes: the byte, and the number of lines before it. `line` was read last.
+    /// Place at which a paused print resumes: the byte, and the number of lines before it.
+    /// `line` was read last.
     pub(crate) fn place(&self, line: u32) -> (u32, u32) {
         self.seek.unwrap_or((self.position, line))
     }
@@ -131,8 +133,8 @@ impl<'a> Card<'a> {
         (self.position, self.seek) = (offset, Some((offset, lines)));
     }
 
-    /// Hands a request to the card's task. A separate function, so that the request does not stay in the future that
-    /// waits.
+    /// Hands a request to the card's task. A separate function, so that the request does not stay
+    /// in the future that waits.
     #[inline(never)]
     pub(crate) fn post(&self, request: Request) -> Option<&'a dyn CardPort> {
         let port = self.port?;

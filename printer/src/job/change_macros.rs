@@ -1,7 +1,8 @@
-//! The macros before and after a change of the tool: the profile's `tools.before_change` and `tools.after_change`.
+//! The macros before and after a change of the tool: the profile's `tools.before_change` and
+//! `tools.after_change`.
 //!
-//! Their lines replace the line that changes the tool, with that line between them, as those of a macro replace its
-//! call. A profile's reader has checked that none of them changes the tool.
+//! Their lines replace the line that changes the tool, with that line between them, as those of a
+//! macro replace its call. A profile's reader has checked that none of them changes the tool.
 
 use core::fmt::Write;
 
@@ -21,7 +22,8 @@ pub(crate) struct ChangeMacros {
     pub(crate) has_ended: bool,
 }
 
-/// The changes with macros that one line of a host or a file causes; empty on a machine with one tool.
+/// The changes with macros that one line of a host or a file causes; empty on a
+/// machine with one tool.
 pub(crate) type Changes<P> = <ToolsPart<P> as Part>::Of<Option<ChangeMacros>>;
 
 /// The next step of a change.

@@ -16,8 +16,8 @@ pub(crate) enum WhileHalted {
     Refused,
 }
 
-/// Returns the treatment of a command while the machine is halted. A host that connects can still learn that it is
-/// halted.
+/// Returns the treatment of a command while the machine is halted. A host that connects can still
+/// learn that it is halted.
 pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
     match command {
         Command::ReportTemperatures
@@ -92,8 +92,8 @@ pub(crate) fn moves(command: &Command<'_>) -> bool {
     matches!(command, Command::Linear { .. } | Command::Arc { .. } | Command::Retract | Command::Recover)
 }
 
-/// Returns true for a command that sets how the words of later moves are read: a resumed print has these as before
-/// its pause.
+/// Returns true for a command that sets how the words of later moves are read: a resumed print has
+/// these as before its pause.
 pub(crate) fn sets_modes(command: &Command<'_>) -> bool {
     matches!(
         command,

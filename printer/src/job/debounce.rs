@@ -13,8 +13,9 @@ impl Debounce {
         Self { since_ms: None }
     }
 
-    /// Returns true once the level has differed for long enough to count from now on. To be called again and again
-    /// with the present level (`says`), the one that counts (`counts`), and a clock of milliseconds that may wrap.
+    /// Returns true once the level has differed for long enough to count from now on. To be called
+    /// again and again with the present level (`says`), the one that counts (`counts`), and a clock
+    /// of milliseconds that may wrap.
     pub fn has_settled(&mut self, now_ms: u32, says: bool, counts: bool, debounce_ms: u32) -> bool {
         let lasts = says != counts && now_ms.wrapping_sub(*self.since_ms.get_or_insert(now_ms)) >= debounce_ms;
         if says == counts || lasts {

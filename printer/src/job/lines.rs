@@ -5,7 +5,8 @@ use ferrostep_gcode::Remarks;
 /// The source of a line: it decides whether a person can be asked, and where a pause waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// A host, which waits for the answer. The lines of a print have numbers; those that a person types have none.
+    /// A host, which waits for the answer. The lines of a print have numbers; those that a person
+    /// types have none.
     Host {
         /// The line has a number.
         is_numbered: bool,

@@ -1,9 +1,9 @@
 //! Macros of the profile: names for lines of G-code.
 //!
-//! All macros are one text, which a profile's reader has checked. The first line of each is `#NAME`, then a blank and
-//! a word for each parameter: `KEY=DEFAULT`, or `KEY` where a call must give it. Its other lines are a place, such as
-//! `3`, a blank, and a line of G-code in which `{KEY}` is replaced by the parameter. A macro that calls another
-//! contains its lines.
+//! All macros are one text, which a profile's reader has checked. The first line of each is
+//! `#NAME`, then a blank and a word for each parameter: `KEY=DEFAULT`, or `KEY` where a call must
+//! give it. Its other lines are a place, such as `3`, a blank, and a line of G-code in which
+//! `{KEY}` is replaced by the parameter. A macro that calls another contains its lines.
 
 use ferrostep_gcode::{ParseError, ShortText};
 

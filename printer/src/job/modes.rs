@@ -12,7 +12,8 @@ use crate::settings::profile::Profile;
 pub(crate) struct Modes<T: Part> {
     /// The selected tool, of several.
     pub tools: T::Of<ToolBox>,
-    /// Targets that commands have set, degrees Celsius. A heater that is off against them was switched off by its timeout.
+    /// Targets that commands have set, degrees Celsius. A heater that is off against them was
+    /// switched off by its timeout.
     pub targets_celsius: [f32; Heater::COUNT],
     /// A print pauses when its filament has run out (M412).
     pub pauses_at_runout: bool,

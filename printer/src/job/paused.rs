@@ -56,8 +56,8 @@ pub(crate) enum PauseAnswer {
 /// A paused print: the place and the state with which it resumes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Paused {
-    /// The G-code's state. On resuming, the position and the way of reading words are taken from it; settings that a person has
-    /// changed meanwhile (feed, limits) stay.
+    /// The G-code's state. On resuming, the position and the way of reading words are taken from
+    /// it; settings that a person has changed meanwhile (feed, limits) stay.
     pub(crate) modal: Modal,
     /// Place of the motors, units of 10 nm.
     pub(crate) place_10nm: [i64; 3],
@@ -74,8 +74,8 @@ pub(crate) struct Paused {
 }
 
 impl Paused {
-    /// An axis that was not homed when the print paused, and has been homed since, has other coordinates now: it stays where a person has
-    /// left it.
+    /// An axis that was not homed when the print paused, and has been homed since, has other
+    /// coordinates now: it stays where a person has left it.
     pub(crate) fn stay_where_homed(&mut self, now: &Modal, position_10nm: [i64; 3]) {
         for (axis, position_10nm) in position_10nm.into_iter().enumerate() {
             if now.homed[axis] && !self.modal.homed[axis] {

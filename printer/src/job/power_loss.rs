@@ -16,12 +16,14 @@ pub(crate) struct PowerLoss {
     pub(crate) is_resuming: bool,
     /// The card keeps the place of the present print.
     pub(crate) is_keeping: bool,
-    /// The place that waits for the motors is to be written when they have passed it, and not only if the supply fails.
+    /// The place that waits for the motors is to be written when they have passed it, and not only
+    /// if the supply fails.
     pub(crate) is_due: bool,
-    /// A place waits for the motors, or that of a pause for the next look at the hosts, before it is written.
+    /// A place waits for the motors, or that of a pause for the next look at the hosts,
+    /// before it is written.
     pub(crate) is_pending: bool,
-    /// Height of the motors of Z in the newest place, units of 10 nm; `None`: no place fits the machine's present
-    /// position.
+    /// Height of the motors of Z in the newest place, units of 10 nm; `None`: no place fits the
+    /// machine's present position.
     pub(crate) stands_10nm: Option<i64>,
     /// Time when the newest place that is due was noted, ms; `None`: none in this print.
     pub(crate) noted_ms: Option<u64>,
@@ -55,7 +57,8 @@ impl PowerLoss {
         self.is_offered
     }
 
-    /// The print is paused: its place is kept at the next look at the hosts, far from the deepest part of the stack.
+    /// The print is paused: its place is kept at the next look at the hosts, far from the deepest
+    /// part of the stack.
     pub fn note_pause(&mut self) {
         self.is_pending = true;
     }

@@ -23,7 +23,8 @@ impl fmt::Display for Duration {
     }
 }
 
-/// Totals of a machine's life. They begin anew at a reset, unless a memory keeps them ([`crate::SettingsMemory`]).
+/// Totals of a machine's life. They begin anew at a reset, unless a memory keeps them
+/// ([`crate::SettingsMemory`]).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Statistics {
     /// Prints begun.
@@ -91,7 +92,8 @@ impl PrintClock {
         }
     }
 
-    /// Time that the print has taken, without pauses, s. That of the last one, if no print is at work.
+    /// Time that the print has taken, without pauses, s. That of the last one, if no
+    /// print is at work.
     pub(crate) fn elapsed_s(&self, now_ms: u64) -> u32 {
         let running_ms = match self.state {
             State::Running(since_ms) => now_ms.saturating_sub(since_ms),

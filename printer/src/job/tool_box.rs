@@ -20,8 +20,8 @@ pub(crate) struct OfTool {
     pub drawn_back: bool,
 }
 
-/// The selected tool, and the values of each. Those of the selected one for steps, advance, flow and retraction are
-/// in the same places as on a machine with one tool.
+/// The selected tool, and the values of each. Those of the selected one for steps, advance, flow
+/// and retraction are in the same places as on a machine with one tool.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ToolBox {
     pub selected: u8,

@@ -92,8 +92,8 @@ fn is_live(command: &Command<'_>) -> bool {
     )
 }
 
-/// Returns `true` if two commands differ in a value that may change in a print, and not only in the tool that they name. `==` on
-/// commands of every kind would take 2 KB of an image.
+/// Returns `true` if two commands differ in a value that may change in a print, and not only in the
+/// tool that they name. `==` on commands of every kind would take 2 KB of an image.
 fn values_differ(one: &Command<'_>, two: &Command<'_>) -> bool {
     use Command as C;
     match (one, two) {

@@ -7,8 +7,8 @@ use crate::error::CommandError;
 /// Greatest distance of a chord from its arc, mm.
 pub const CHORD_TOLERANCE_MM: f64 = 0.01;
 
-/// Greatest difference between the radii at both ends, mm; with more, the line is an error. Slicers round coordinates to
-/// 1 um, and old ones I and J to 10 um.
+/// Greatest difference between the radii at both ends, mm; with more, the line is an error. Slicers
+/// round coordinates to 1 um, and old ones I and J to 10 um.
 const RADIUS_TOLERANCE_MM: f64 = 0.1;
 
 const MM: f64 = UNITS_PER_MM as f64;
@@ -31,9 +31,11 @@ fn length(vector: [f64; 2]) -> f64 {
     libm::sqrt(vector[0] * vector[0] + vector[1] * vector[1])
 }
 
-/// Cosine and sine of an angle of at most half a turn. Those of a library take any angle, which costs 8 KiB of flash.
+/// Cosine and sine of an angle of at most half a turn. Those of a library take any angle, which
+/// costs 8 KiB of flash.
 fn direction_at(angle: f64) -> [f64; 2] {
-    // An eighth of the angle is so small that seven terms of its series are exact to the last bit or two.
+    // An eighth of the angle is so small that seven terms of its series are exact to the
+    // last bit or two.
     let eighth = angle / 8.0;
     let square = eighth * eighth;
     let (mut cosine, mut sine) = (1.0, 1.0);
@@ -49,8 +51,8 @@ fn direction_at(angle: f64) -> [f64; 2] {
     [cosine, sine]
 }
 
-/// Returns true if a turn by an angle from a direction passes the direction of an axis, to its upper (1) or lower
-/// side (-1).
+/// Returns true if a turn by an angle from a direction passes the direction of an axis, to its
+/// upper (1) or lower side (-1).
 fn passes(start: [f64; 2], angle: f64, axis: usize, side: f64) -> bool {
     let [x, y] = start;
     let (cross, dot) = if axis == 0 { (-y * side, x * side) } else { (x * side, y * side) };
@@ -77,7 +79,8 @@ impl Arc {
             });
         }
         let turn = core::f64::consts::TAU;
-        // The chord is exact: the two ends of an arc of large radius differ in their last digits only.
+        // The chord is exact: the two ends of an arc of large radius differ in their
+        // last digits only.
         let chord = [(end[0] - start[0]) as f64, (end[1] - start[1]) as f64];
         let cross = from[0] * chord[1] - from[1] * chord[0];
         let dot = from[0] * to[0] + from[1] * to[1];
@@ -101,7 +104,8 @@ impl Arc {
             }
             ends
         });
-        // All chords are checked before the first one is executed. Its points count, not its centre, which may be kilometres away.
+        // All chords are checked before the first one is executed. Its points count, not its
+        // centre, which may be kilometres away.
         if reach.as_flattened().iter().any(|place| place.unsigned_abs() > MAX_COORDINATE_10NM as u64) {
             return Err(CommandError::TooFar);
         }
@@ -250,7 +254,8 @@ mod tests {
         assert!(Arc::around([mm(4800.0), 0], [mm(4900.0), mm(100.0)], middle, true).is_ok());
     }
 
-    /// The centre may be as far away as numbers go; a wall of 180 mm that is nearly straight keeps to its circle.
+    /// The centre may be as far away as numbers go; a wall of 180 mm that is nearly straight
+    /// keeps to its circle.
     #[test]
     fn large_radii_are_exact() {
         for radius_mm in [3_000.0, 9_999.0, 100_000.0, 10_000_000.0, 900_000_000.0] {

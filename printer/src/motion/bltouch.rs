@@ -1,11 +1,13 @@
 //! The pin of a probe while Z seeks the bed.
 //!
-//! The width of a servo's pulses is a BLTouch's command. Klipper and Marlin know the widths from its maker's manual,
-//! and make the same checks (`klippy/extras/bltouch.py`, `Marlin/src/feature/bltouch.cpp`). Its signal is high
+//! The width of a servo's pulses is a BLTouch's command. Klipper and Marlin know the widths from
+//! its maker's manual, and make the same checks (`klippy/extras/bltouch.py`,
+//! `Marlin/src/feature/bltouch.cpp`). Its signal is high
 //!
 //! - for about 10 ms when the pin that is out is pushed in: the probe draws it in then;
 //! - in touch mode, as long as the pin is in;
-//! - in alarm, which comes when the pin does not follow its command, or stays on the bed, and which the release ends.
+//! - in alarm, which comes when the pin does not follow its command, or stays on the bed, and which
+//!   the release ends.
 //!
 //! While X and Y move for homing or probing the pin is in, and was seen to be.
 
@@ -58,7 +60,8 @@ impl<M: Motion> Homing<'_, '_, M> {
         self.pin(Z).filter(|_| !self.interpreter.modal.z.pin_is_in)
     }
 
-    /// Sends a command to the pin, and checks its signal. If the signal is wrong the pin is called in.
+    /// Sends a command to the pin, and checks its signal. If the signal is wrong the
+    /// pin is called in.
     ///
     /// Before it goes out it must be in, and the signal must follow it.
     pub(crate) async fn tell_pin(&mut self, pin: BlTouch, command: PinCommand) -> Result<(), CommandError> {

@@ -1,12 +1,14 @@
-//! Velocity-adaptive extrusion (Wu 2024, eqs. 10 and 11): filament by the length of the path, for G-code without E words.
+//! Velocity-adaptive extrusion (Wu 2024, eqs. 10 and 11): filament by the length of the path, for
+//! G-code without E words.
 //!
-//! The volume laid along a path of length S, S h b, equals the volume pushed, pi D^2/4 E. So E = lambda S with
-//! lambda = 4 h b / (pi D^2). E is planned as in any other move, and the extruder's speed and acceleration are lambda times the
-//! nozzle's at every instant.
+//! The volume laid along a path of length S, S h b, equals the volume pushed, pi D^2/4 E. So E =
+//! lambda S with lambda = 4 h b / (pi D^2). E is planned as in any other move, and the extruder's
+//! speed and acceleration are lambda times the nozzle's at every instant.
 
 use crate::settings::profile::filament::ExtrusionSettings;
 
-/// Fraction bits of lambda. At most 509 within the settings' ranges, and at least 6e-8: known to five digits even then.
+/// Fraction bits of lambda. At most 509 within the settings' ranges, and at least 6e-8: known to
+/// five digits even then.
 const LAMBDA_BITS: u32 = 40;
 
 /// Fraction bits of a path's length, beyond 10 nm.
@@ -40,7 +42,8 @@ impl AdaptiveExtrusion {
         self.lambda as f64 / (1u64 << LAMBDA_BITS) as f64
     }
 
-    /// Filament along a straight path in the plane, units of 0.1 nm, at a flow in percent; and the state after it.
+    /// Filament along a straight path in the plane, units of 0.1 nm, at a flow in percent; and
+    /// the state after it.
     ///
     /// Coordinates are at most 5 m from zero: all products fit.
     pub fn along(&self, from_10nm: [i64; 2], to_10nm: [i64; 2], flow_percent: u16) -> (i64, Self) {

@@ -13,7 +13,8 @@ pub enum MotionError {
     Fault(MotionFault),
 }
 
-/// A difference between plan and motion: an error of the firmware or of the chip. Motion has stopped.
+/// A difference between plan and motion: an error of the firmware or of the chip.
+/// Motion has stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MotionFault {
     /// A motor is not where its block ends.

@@ -29,7 +29,8 @@ pub(crate) struct Homing<'h, 'a, M> {
 impl<M: Motion> Homing<'_, '_, M> {
     /// Homes X, then Y, then Z: those that the command names, or all.
     ///
-    /// Before X and Y move, and before Z homes elsewhere than at the nozzle's present place, Z is raised.
+    /// Before X and Y move, and before Z homes elsewhere than at the nozzle's present
+    /// place, Z is raised.
     pub async fn home(&mut self, axes: AxisFlags) -> Result<(), CommandError> {
         let all = !(axes.x || axes.y || axes.z);
         let named = [axes.x, axes.y, axes.z].map(|named| named || all);
@@ -103,8 +104,9 @@ impl<M: Motion> Homing<'_, '_, M> {
         self.go([x_10nm, y_10nm, height_10nm], self.interpreter.profile.homing[Z].fast_mm_per_s).await
     }
 
-    /// Probes the bed at the machine's present place, fast and then slowly, and at most `below_10nm` below the place
-    /// where home is. Returns the height of the motors at which the probe triggers.
+    /// Probes the bed at the machine's present place, fast and then slowly, and at most
+    /// `below_10nm` below the place where home is. Returns the height of the motors at which
+    /// the probe triggers.
     pub async fn probe_bed(&mut self, below_10nm: i64) -> Result<i64, CommandError> {
         let homing = self.interpreter.profile.homing[Z];
         let mut outcome = self.find_home(Z, &homing, below_10nm).await;
@@ -117,7 +119,8 @@ impl<M: Motion> Homing<'_, '_, M> {
         Ok(z_10nm)
     }
 
-    /// Raises Z to the profile's height, or by it where Z is unknown and has not been raised since. Never lowers it.
+    /// Raises Z to the profile's height, or by it where Z is unknown and has not been raised since.
+    /// Never lowers it.
     async fn raise(&mut self) -> Result<(), CommandError> {
         let raise_10nm = self.interpreter.profile.safe_homing.raise_10nm;
         let mut target_10nm = self.motion.position_10nm();
@@ -175,7 +178,8 @@ impl<M: Motion> Homing<'_, '_, M> {
         // The other axes stay, a lifted Z has its part in where they are.
         let mut position = self.interpreter.raised(self.interpreter.modal.machine_10nm);
         if axis == Z {
-            // The sensor's height counts: it includes the lift and the shift. Klipper's offset stays.
+            // The sensor's height counts: it includes the lift and the shift.
+            // Klipper's offset stays.
             self.interpreter.modal.lift_10nm = 0;
             self.interpreter.modal.z.shift_10nm = self.interpreter.modal.z.offset_10nm;
             self.interpreter.modal.z.raised_to_10nm = None;
@@ -192,7 +196,8 @@ impl<M: Motion> Homing<'_, '_, M> {
         self.interpreter.modal.offset_10nm[axis] = self.interpreter.modal.home_offset_10nm[axis];
         self.interpreter.modal.homed[axis] = true;
         if homing.sensor == HomeSensor::Stall && self.interpreter.profile.kinematics.shares_motors(axis) {
-            // Motors that still push against the frame would seem to stall as soon as they move another axis.
+            // Motors that still push against the frame would seem to stall as soon as they
+            // move another axis.
             self.motion.begin_homing();
             self.move_back(axis, &homing).await?;
             position[axis] -= towards * homing.back_off_10nm;
@@ -210,11 +215,13 @@ impl<M: Motion> Homing<'_, '_, M> {
         self.interpreter.follow_plane(position_10nm);
     }
 
-    /// A fast approach until the sensor triggers, a move back, and a second approach, which counts if it agrees with
-    /// the first. An axis that homes by a stall begins with the move back: it may be at its end already, and a motor
-    /// that is held back from its first step on never reaches the speed that a stall signal needs.
+    /// A fast approach until the sensor triggers, a move back, and a second approach, which counts
+    /// if it agrees with the first. An axis that homes by a stall begins with the move back: it may
+    /// be at its end already, and a motor that is held back from its first step on never reaches
+    /// the speed that a stall signal needs.
     ///
-    /// Towards the bed the first approach goes `below_10nm` below the lowest place where the sensor should trigger.
+    /// Towards the bed the first approach goes `below_10nm` below the lowest place where the
+    /// sensor should trigger.
     async fn find_home(&mut self, axis: usize, homing: &AxisHoming, below_10nm: i64) -> Result<(), CommandError> {
         if homing.sensor == HomeSensor::Stall {
             self.motion.begin_homing();
@@ -259,10 +266,10 @@ impl<M: Motion> Homing<'_, '_, M> {
         Err(CommandError::HomingDisagrees { axis, apart_10nm, agree_10nm: homing.agree_10nm })
     }
 
-    /// Last position that a first approach may reach, machine coordinate of the motors. Away from the bed that is the
-    /// whole travel and the frame's possible excess. Towards the bed it is a little below the lowest place where the
-    /// sensor can trigger, as the last homing has found it, or an approach from an unknown height that has gone down
-    /// all the way.
+    /// Last position that a first approach may reach, machine coordinate of the motors. Away from
+    /// the bed that is the whole travel and the frame's possible excess. Towards the bed it is a
+    /// little below the lowest place where the sensor can trigger, as the last homing has found it,
+    /// or an approach from an unknown height that has gone down all the way.
     fn end_of_search_10nm(&mut self, axis: usize, homing: &AxisHoming, below_10nm: i64) -> i64 {
         let position_10nm = self.motion.position_10nm()[axis];
         let length_10nm = self.interpreter.profile.size_10nm[axis] - self.interpreter.profile.lower_end_10nm[axis];
@@ -319,7 +326,8 @@ impl<M: Motion> Homing<'_, '_, M> {
         Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false }
     }
 
-    /// Approaches a sensor; `is_first` of the two approaches to it, for which a probe's pin goes out in any case.
+    /// Approaches a sensor; `is_first` of the two approaches to it, for which a probe's pin goes
+    /// out in any case.
     async fn seek(
         &mut self,
         axis: usize,

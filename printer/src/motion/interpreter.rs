@@ -16,10 +16,12 @@ use crate::settings::profile::homing::HomeSensor;
 /// Logical extruder positions stay within 10,000 km.
 pub(crate) const MAX_EXTRUDER_10NM: i64 = 1_000_000_000_000_000;
 
-/// Turns G-code into moves. Holds the state that lasts from line to line; touches neither motors nor heaters.
+/// Turns G-code into moves. Holds the state that lasts from line to line; touches neither
+/// motors nor heaters.
 ///
-/// A line is first turned into a move ([`Self::linear`], [`Self::arc`]). It becomes part of the state only when the
-/// planner has taken the move ([`Self::take`]): a move that waits or is refused has no effect.
+/// A line is first turned into a move ([`Self::linear`], [`Self::arc`]). It becomes part of the
+/// state only when the planner has taken the move ([`Self::take`]): a move that waits or is
+/// refused has no effect.
 #[derive(Debug)]
 pub(crate) struct MoveInterpreter<'a> {
     pub profile: &'a Profile,
@@ -204,8 +206,8 @@ impl<'a> MoveInterpreter<'a> {
         })
     }
 
-    /// Follows a move that the planner has taken, in state and tallies. A stop takes back the part that was not made, here and in
-    /// the planner.
+    /// Follows a move that the planner has taken, in state and tallies. A stop takes back the part
+    /// that was not made, here and in the planner.
     pub fn take(&mut self, asked: &AskedMove) {
         let AskedMove { request, displaces, clamped, target, extrusion, .. } = asked;
         let from = self.modal.machine_10nm;
@@ -241,7 +243,8 @@ impl<'a> MoveInterpreter<'a> {
             return Err(CommandError::FeedTooSlow { feed_mm_per_s });
         }
         let target = Target { machine_10nm, extruder_10nm, feed_10nm_per_min };
-        // Checked here and not only by the planner, because an arc reaches the planner in many moves.
+        // Checked here and not only by the planner, because an arc reaches the
+        // planner in many moves.
         self.check_filament(self.filament(&target))?;
         Ok(target)
     }
@@ -259,8 +262,8 @@ impl<'a> MoveInterpreter<'a> {
         }
     }
 
-    /// Returns true if a move gets filament by its length (M795): one in the plane, without an E word, and with the
-    /// filament not drawn back.
+    /// Returns true if a move gets filament by its length (M795): one in the plane, without an E
+    /// word, and with the filament not drawn back.
     fn extrudes_by_length(&self, axes: &AxisWords, target: &Target) -> bool {
         let [from, to] = [self.modal.machine_10nm[2], target.machine_10nm[2]];
         self.modal.extrusion.settings().adaptive && axes.e.is_none() && from == to && !self.modal.retracted
@@ -279,7 +282,8 @@ impl<'a> MoveInterpreter<'a> {
         [self.profile.lower_end_10nm[axis].min(upper), upper]
     }
 
-    /// Soft limits: draws a target, above which Z is lifted, into the travel of the homed axes, and marks the axes that this changed.
+    /// Soft limits: draws a target, above which Z is lifted, into the travel of the homed axes, and
+    /// marks the axes that this changed.
     pub fn clamp_into(&self, target_10nm: &mut [i64; 3], lift_10nm: i64, clamped: &mut [bool; 3]) {
         if !self.modal.soft_limits {
             return;
@@ -295,20 +299,21 @@ impl<'a> MoveInterpreter<'a> {
         }
     }
 
-    /// Range that may be asked of an axis at a machine position, above which Z is lifted: its travel, shifted by its
-    /// skew there.
+    /// Range that may be asked of an axis at a machine position, above which Z is lifted: its
+    /// travel, shifted by its skew there.
     pub fn asked_travel_10nm(&self, axis: usize, [x, y, z]: [i64; 3], lift_10nm: i64) -> [i64; 2] {
         // All are within 5 m.
         let motors_z_10nm = z.wrapping_add(lift_10nm).wrapping_add(self.modal.z.shift_10nm);
         let ahead_10nm = self.skew.ahead_10nm(axis, [x, y, motors_z_10nm]);
         let [lower_10nm, upper_10nm] = self.travel_10nm(axis).map(|end_10nm| end_10nm.wrapping_add(ahead_10nm));
-        // Until an offset has been followed, the nozzle is at an end of its travel and the G-code sees it beyond.
+        // Until an offset has been followed, the nozzle is at an end of its travel and the
+        // G-code sees it beyond.
         let unfollowed_10nm = if axis == 2 { self.modal.z.offset_10nm.max(0) } else { 0 };
         [lower_10nm.wrapping_sub(unfollowed_10nm), upper_10nm]
     }
 
-    /// Position of the axes for a machine position with Z lifted, as far as the soft limits let it, and shifted by
-    /// M290.
+    /// Position of the axes for a machine position with Z lifted, as far as the soft limits let it,
+    /// and shifted by M290.
     pub fn lifted(&self, machine_10nm: [i64; 3], lift_10nm: i64) -> [i64; 3] {
         let [x, y, z] = machine_10nm;
         let mut lifted = [x, y, z + lift_10nm];
@@ -342,19 +347,20 @@ impl<'a> MoveInterpreter<'a> {
         self.lifted(machine_10nm, self.modal.lift_10nm)
     }
 
-    /// Notes that the planner has taken the filament of a firmware retraction, which is moved at the machine's
-    /// present position.
+    /// Notes that the planner has taken the filament of a firmware retraction, which is moved at
+    /// the machine's present position.
     pub fn take_retraction(&mut self, filament_100pm: i64, stands_10nm: [i64; 3]) {
         self.tally.filament_100pm += filament_100pm;
         let motor_steps = self.profile.geometry().motor_steps(stands_10nm);
         self.newest_retraction = Some(NewestRetraction { motor_steps, filament_100pm });
     }
 
-    /// Motion was stopped, with this much filament unpushed and the motors of X, Y and Z at these steps.
+    /// Motion was stopped, with this much filament unpushed and the motors of X, Y and
+    /// Z at these steps.
     pub fn take_back(&mut self, dropped_100pm: i64, motor_steps: [i64; 3]) {
         self.tally.filament_100pm -= dropped_100pm;
-        // Filament that moves extrude by their length does not belong to the G-code's position, nor does a firmware
-        // retraction.
+        // Filament that moves extrude by their length does not belong to the G-code's position, nor
+        // does a firmware retraction.
         if !self.modal.extrusion.settings().adaptive {
             let of_retraction = self.newest_retraction.map_or(0, |newest| newest.dropped(dropped_100pm, motor_steps));
             let counted_100pm = dropped_100pm - of_retraction;
@@ -363,7 +369,8 @@ impl<'a> MoveInterpreter<'a> {
         self.newest_retraction = None;
     }
 
-    /// The motors in the mask may not be where their steps say: no axis that they move is homed any more.
+    /// The motors in the mask may not be where their steps say: no axis that they move
+    /// is homed any more.
     pub fn forget_home(&mut self, motors: u8) {
         self.modal.forget_home(self.profile.kinematics.axes_of_motors(motors));
     }

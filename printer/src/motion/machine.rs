@@ -1,5 +1,5 @@
-//! The machine between moves and the step queue, on every board and on the desk: the planner, and the queue that it keeps
-//! full.
+//! The machine between moves and the step queue, on every board and on the desk: the planner, and
+//! the queue that it keeps full.
 
 mod feeder;
 mod filament;
@@ -32,12 +32,12 @@ pub use pushed::{Pushed, PushedFilament};
 use watched_line::WatchedLine;
 use workload::Workload;
 
-/// Motion at hand from which on a host waits for the `ok` of its move: 1 s. The next move is also to come within the
-/// time that a person takes for an answer at once.
+/// Motion at hand from which on a host waits for the `ok` of its move: 1 s. The next move is also
+/// to come within the time that a person takes for an answer at once.
 const BOUND_TICKS: u64 = TICKS_PER_SECOND as u64;
 
-/// The part of it that must be certain whatever the host sends next: 0.5 s. A host that must first wake up, or send a
-/// line again, takes less.
+/// The part of it that must be certain whatever the host sends next: 0.5 s. A host that must first
+/// wake up, or send a line again, takes less.
 const MIN_CERTAIN_TICKS: u64 = TICKS_PER_SECOND as u64 / 2;
 
 /// Mask of all motors.
@@ -46,9 +46,11 @@ const ALL_MOTORS: u8 = 0b1111;
 /// Actions that the machine may take because the host is silent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Silence {
-    /// True to let blocks leave the look-ahead ring in motion before it is full, if the step queue runs low.
+    /// True to let blocks leave the look-ahead ring in motion before it is full, if the
+    /// step queue runs low.
     pub may_release: bool,
-    /// True to execute the moves that wait in the ring at standstill, as the host seems to have no further ones.
+    /// True to execute the moves that wait in the ring at standstill, as the host seems to have
+    /// no further ones.
     pub may_flush: bool,
 }
 
@@ -69,8 +71,8 @@ struct Counts {
     miscounts: u64,
 }
 
-/// The machine; `R` is the memory of the look-ahead ring, `Q` the board's step queue and the parts around it, `M`
-/// the methods of motion that the image contains.
+/// The machine; `R` is the memory of the look-ahead ring, `Q` the board's step queue and the parts
+/// around it, `M` the methods of motion that the image contains.
 #[derive(Debug)]
 pub struct Machine<R, Q, M: MotionMethods = Standard> {
     planner: Planner<R, M>,
@@ -96,8 +98,9 @@ pub struct Machine<R, Q, M: MotionMethods = Standard> {
 }
 
 impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<R, Q, M> {
-    /// A machine that has just been switched on, with the standard methods: [`Self::set_motion_choice`] takes the profile's. Not
-    /// here, where a copy of the machine would be on the stack beneath.
+    /// A machine that has just been switched on, with the standard methods:
+    /// [`Self::set_motion_choice`] takes the profile's. Not here, where a copy of the machine would
+    /// be on the stack beneath.
     pub fn new(profile: &Profile, ring: R, queue: Q) -> Self {
         Self {
             planner: Planner::new(profile.geometry(), profile.limits, ring),
@@ -160,20 +163,21 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.planner.take_plan_fault()
     }
 
-    /// Returns true if a move would be taken now, and answered at once. After `false` a move may still be taken.
+    /// Returns true if a move would be taken now, and answered at once. After `false` a move
+    /// may still be taken.
     pub fn has_room(&mut self) -> bool {
         self.planner.has_room() && !self.feeder.queue.link().is_stopping() && !self.holds_enough()
     }
 
-    /// Sets whether a host also waits for room with 1 s (`BOUND_TICKS`) of motion at hand, though the look-ahead ring
-    /// has room: it is to see soon that it pauses, cancels or changes the feed.
+    /// Sets whether a host also waits for room with 1 s (`BOUND_TICKS`) of motion at hand, though
+    /// the look-ahead ring has room: it is to see soon that it pauses, cancels or changes the feed.
     pub fn set_bounded_in_time(&mut self, is_bounded: bool) {
         self.is_bounded = is_bounded;
     }
 
-    /// Returns true if the machine is bounded in time and the motion at hand lasts for long enough. Part of it must
-    /// be certain whatever comes next: the motion that the machine needs to brake from any speed is beyond that part,
-    /// so that no speed depends on when the next move comes.
+    /// Returns true if the machine is bounded in time and the motion at hand lasts for long enough.
+    /// Part of it must be certain whatever comes next: the motion that the machine needs to brake
+    /// from any speed is beyond that part, so that no speed depends on when the next move comes.
     pub fn holds_enough(&mut self) -> bool {
         if !self.is_bounded {
             return false;
@@ -196,7 +200,8 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.planner.is_idle() && !self.feeder.is_waiting()
     }
 
-    /// The moves to come, until the position is set, are part of homing: [`Self::motion_ticks`] leaves them out.
+    /// The moves to come, until the position is set, are part of homing: [`Self::motion_ticks`]
+    /// leaves them out.
     pub fn begin_homing(&mut self) {
         self.homing_time.begin(self.planner.motion_ticks());
     }
@@ -206,8 +211,8 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.planner.motion_ticks() - self.homing_time.ticks()
     }
 
-    /// Lets the move just taken end where the sensor of `axis` triggers. The machine must have been at standstill
-    /// before that move.
+    /// Lets the move just taken end where the sensor of `axis` triggers. The machine must have been
+    /// at standstill before that move.
     pub fn begin_seek(&mut self, axis: usize) {
         self.begin_homing();
         self.planner.set_unshaped(true);
@@ -247,7 +252,8 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         }
     }
 
-    /// Lets the planner forget the motion that has not been queued: the motors stop where the queue ends.
+    /// Lets the planner forget the motion that has not been queued: the motors stop
+    /// where the queue ends.
     fn forget_plan(&mut self) {
         let motor_steps = self.feeder.stand();
         let ledger = &self.feeder.ledger;
@@ -281,8 +287,8 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.feeder.bed.is_on()
     }
 
-    /// Lets Z follow the mesh of the bed, or stops it, at standstill. The motors stay: the position's Z becomes that above the mesh,
-    /// or without it.
+    /// Lets Z follow the mesh of the bed, or stops it, at standstill. The motors stay: the
+    /// position's Z becomes that above the mesh, or without it.
     ///
     /// # Errors
     /// [`MeshError`]; Z does not follow the bed then.
@@ -404,9 +410,9 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.set_motors_enabled(ALL_MOTORS, false);
     }
 
-    /// Switches the motors off when they have rested for `timeout_ms`; `None`: they keep their current. To be called
-    /// every now and then with a clock of milliseconds, which may wrap. Returns true if it has just switched them
-    /// off.
+    /// Switches the motors off when they have rested for `timeout_ms`; `None`: they keep their
+    /// current. To be called every now and then with a clock of milliseconds, which may wrap.
+    /// Returns true if it has just switched them off.
     pub fn rest(&mut self, now_ms: u32, timeout_ms: Option<u32>) -> bool {
         let rests = self.is_idle() && self.enabled_motors != 0;
         let is_over = self.idle_timeout.check(now_ms, timeout_ms.filter(|_| rests));
@@ -469,7 +475,8 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         core::mem::take(&mut self.dropped_100pm)
     }
 
-    /// Stops all motors before their next step; the next [`Self::work`] drops the rest of the motion.
+    /// Stops all motors before their next step; the next [`Self::work`] drops the
+    /// rest of the motion.
     pub fn request_stop(&mut self) {
         self.feeder.queue.request_stop();
     }
@@ -480,7 +487,8 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.forget_plan();
         let seeks = self.feeder.seeking == Seeking::Approaching;
         if !is_requested {
-            // The sensor. Its edge may come twice: before its level is read, or right after the move's end.
+            // The sensor. Its edge may come twice: before its level is read, or right
+            // after the move's end.
             if seeks {
                 self.end_seek(HomingOutcome::Triggered);
             }

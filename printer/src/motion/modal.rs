@@ -23,8 +23,8 @@ pub struct Tally {
 /// Knowledge of Z beyond the motors' position. The places are those of the motors, units of 10 nm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct KnownZ {
-    /// Place where the sensor of Z triggers, or the lowest place where it can trigger; `None`: unknown. Approaches to
-    /// the bed end a little below it.
+    /// Place where the sensor of Z triggers, or the lowest place where it can trigger; `None`:
+    /// unknown. Approaches to the bed end a little below it.
     pub trigger_10nm: Option<i64>,
     /// Height to which homing has raised a Z that is not homed: it does so once.
     pub raised_to_10nm: Option<i64>,
@@ -36,8 +36,8 @@ pub(crate) struct KnownZ {
     pub pin_is_in: bool,
 }
 
-/// A firmware retraction or recovery after which no move with filament was taken. The machine is at rest during it;
-/// after a stop that shows how far it has come.
+/// A firmware retraction or recovery after which no move with filament was taken. The machine is at
+/// rest during it; after a stop that shows how far it has come.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NewestRetraction {
     /// Position of the motors of X, Y and Z.
@@ -47,11 +47,12 @@ pub(crate) struct NewestRetraction {
 }
 
 impl NewestRetraction {
-    /// Filament of it among the filament that a stop has left unpushed, units of 0.1 nm, if the motors are at these
-    /// steps.
+    /// Filament of it among the filament that a stop has left unpushed, units of 0.1 nm, if the
+    /// motors are at these steps.
     pub fn dropped(&self, dropped_100pm: i64, motor_steps: [i64; 3]) -> i64 {
         if motor_steps == self.motor_steps.map(i64::from) {
-            // It is being made, has ended or is about to begin: all filament still to come was its own.
+            // It is being made, has ended or is about to begin: all filament still to
+            // come was its own.
             dropped_100pm.clamp(self.filament_100pm.min(0), self.filament_100pm.max(0))
         } else if dropped_100pm == 0 {
             // It has ended.
@@ -79,8 +80,8 @@ pub(crate) struct Modal {
     pub flow_percent: u16,
     /// Percentage kept by M220 B.
     pub kept_feed_percent: u16,
-    /// Machine position after all commands so far, as the G-code asks for it (not the axes', which may be skew),
-    /// without the lift of a firmware retraction.
+    /// Machine position after all commands so far, as the G-code asks for it (not the axes', which
+    /// may be skew), without the lift of a firmware retraction.
     pub machine_10nm: [i64; 3],
     /// Logical minus machine coordinates (G92, and M206).
     pub offset_10nm: [i64; 3],
@@ -88,8 +89,8 @@ pub(crate) struct Modal {
     pub home_offset_10nm: [i64; 3],
     /// Logical extruder position.
     pub extruder_10nm: i64,
-    /// Filament that moves of a prepared job have pushed and that [`Self::extruder_10nm`] does not contain yet, units of 0.1 nm
-    /// times percent.
+    /// Filament that moves of a prepared job have pushed and that [`Self::extruder_10nm`] does not
+    /// contain yet, units of 0.1 nm times percent.
     pub extruder_rest_100pm: i64,
     pub homed: [bool; 3],
     /// Axes that are no longer homed, until the host has been informed.
@@ -97,7 +98,8 @@ pub(crate) struct Modal {
     /// Axes that have failed to home, and have not been homed since: no print lays lines with them.
     pub failed_home: [bool; 3],
     pub z: KnownZ,
-    /// True while a prepared job is being received; the host's lines are executed between its moves.
+    /// True while a prepared job is being received; the host's lines are executed
+    /// between its moves.
     pub in_prepared_job: bool,
     /// Offset from the nozzle to the probe (M851).
     pub probe_offset_10nm: [i64; 3],
@@ -189,8 +191,8 @@ impl Modal {
         self.home_offset_10nm = home_offset_10nm;
     }
 
-    /// Takes over the position and the way of reading words of a paused print that resumes; changes to the machine
-    /// stay.
+    /// Takes over the position and the way of reading words of a paused print that resumes; changes
+    /// to the machine stay.
     pub fn go_on_as(&mut self, print: &Self) {
         self.units = print.units;
         self.relative = print.relative;
@@ -204,8 +206,8 @@ impl Modal {
         self.lift_10nm = print.lift_10nm;
     }
 
-    /// Takes over the machine's settings made by commands in a print that an interruption has ended; the rest is
-    /// [`Self::go_on_as`]'s.
+    /// Takes over the machine's settings made by commands in a print that an interruption has
+    /// ended; the rest is [`Self::go_on_as`]'s.
     pub fn set_machine_as(&mut self, print: &Self) {
         self.feed_percent = print.feed_percent;
         self.flow_percent = print.flow_percent;
@@ -240,13 +242,15 @@ impl Modal {
         }
     }
 
-    /// Machine coordinate Z for a height of the motors: without the parts that the G-code does not see.
+    /// Machine coordinate Z for a height of the motors: without the parts that the
+    /// G-code does not see.
     pub fn machine_z_10nm(&self, motors_10nm: i64) -> i64 {
         // All three are within 5 m.
         motors_10nm.wrapping_sub(self.lift_10nm).wrapping_sub(self.z.shift_10nm)
     }
 
-    /// A move of a prepared job has pushed this filament; an arc's share of a whole number need not be whole.
+    /// A move of a prepared job has pushed this filament; an arc's share of a whole number
+    /// need not be whole.
     pub fn push_prepared(&mut self, filament_100pm: i64) {
         let pushed_100pm = self.extruder_rest_100pm.wrapping_add(filament_100pm);
         let flow = self.flow_percent.max(1);
@@ -282,7 +286,8 @@ impl Modal {
         [x + dx, y + dy, z + dz, self.extruder_10nm]
     }
 
-    /// Machine target of the X, Y and Z words, and the logical E target; `None` where a number is beyond any machine.
+    /// Machine target of the X, Y and Z words, and the logical E target; `None` where a number is
+    /// beyond any machine.
     pub fn target(&self, words: &AxisWords) -> Option<([i64; 3], i64)> {
         let mut machine = self.machine_10nm;
         for (axis, word) in [words.x, words.y, words.z].into_iter().enumerate() {
@@ -311,7 +316,8 @@ impl Modal {
     pub fn is_feed_fast_enough(&self, feed_10nm_per_min: i64) -> bool {
         const MIN_FEED_10NM_PER_MIN: i64 = (MIN_FEED_MM_PER_S * 60.0 * 100_000.0) as i64;
         const _: () = assert!(MIN_FEED_10NM_PER_MIN == 60_000);
-        // At 1 %, the least, 100 times the slowest feed is enough; so the product need not hold faster ones.
+        // At 1 %, the least, 100 times the slowest feed is enough; so the product need not
+        // hold faster ones.
         feed_10nm_per_min.min(100 * MIN_FEED_10NM_PER_MIN) * i64::from(self.feed_percent) >= 100 * MIN_FEED_10NM_PER_MIN
     }
 

@@ -38,7 +38,8 @@ pub trait SharedMachine {
     /// Calls `act` with the machine locked.
     fn with<T>(&self, act: impl FnOnce(&mut Machine<Self::Ring, Self::Queue, Self::Methods>) -> T) -> T;
 
-    /// Wakes the planner task. It runs before the commands' task continues, which then sees its effects.
+    /// Wakes the planner task. It runs before the commands' task continues, which then
+    /// sees its effects.
     fn wake_planner(&self);
 
     /// Does the planner task's work at once.
@@ -68,8 +69,8 @@ impl<S: SharedMachine> SharedMotion<S> {
         Self { machine, stops }
     }
 
-    /// Tries until it succeeds, then wakes the planner task. Any stop since the command began ends the wait, even one that came
-    /// before the wait, between two of the command's steps.
+    /// Tries until it succeeds, then wakes the planner task. Any stop since the command began ends
+    /// the wait, even one that came before the wait, between two of the command's steps.
     async fn wait<T>(
         &self,
         mut attempt: impl FnMut(&mut Machine<S::Ring, S::Queue, S::Methods>) -> Option<T>,
@@ -79,7 +80,8 @@ impl<S: SharedMachine> SharedMotion<S> {
             if self.machine.is_halted() {
                 return Err(MotionError::Stopped);
             }
-            // Both under one lock: a stop between them would already be over, and the move would run on a halted machine.
+            // Both under one lock: a stop between them would already be over, and the move would
+            // run on a halted machine.
             let outcome = self.machine.with(|machine| {
                 if machine.stops() == stops {
                     return attempt(machine).map(Ok);
@@ -130,7 +132,8 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
 
     fn try_add(&mut self, request: &impl Request) -> Option<Result<Moved, MotionError>> {
         let moved = self.machine.with(|machine| {
-            // M112 before this check is handled here; after it, the stop waits for the machine and drops the motion.
+            // M112 before this check is handled here; after it, the stop waits for the machine and
+            // drops the motion.
             if self.machine.is_halted() {
                 return Some(Err(MotionError::Stopped));
             }

@@ -1,16 +1,17 @@
 //! Axes that are not at right angles.
 //!
-//! What the G-code asks for are places in a space with right angles. Here they become places of the axes, and back: above this border
-//! (coordinates, G92, arcs) all is asked for, below it (limits, homing, the bed, motors) all is the axes'. The map is linear, so that
-//! straight lines stay straight.
+//! What the G-code asks for are places in a space with right angles. Here they become places of
+//! the axes, and back: above this border (coordinates, G92, arcs) all is asked for, below it
+//! (limits, homing, the bed, motors) all is the axes'. The map is linear, so that straight
+//! lines stay straight.
 
 use ferrostep_planner::square_root::square_root_f32;
 
 /// Value of a factor of 1: the processor takes the upper half of a product by itself.
 const ONE: f64 = 4_294_967_296.0;
 
-/// Deviation of the axes from their right angles. The same numbers as Marlin's and Klipper's: where Y leans towards
-/// +X by 1 mm in 100 mm, XY is 0.01.
+/// Deviation of the axes from their right angles. The same numbers as Marlin's and Klipper's: where
+/// Y leans towards +X by 1 mm in 100 mm, XY is 0.01.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Skew {
     /// Tangents of the angles of XY, XZ and YZ, in units of 2^-32.
@@ -30,7 +31,8 @@ impl Skew {
     /// The greatest factor, either way. A machine whose axes are 3 degrees off is to be mended.
     pub const MAX_FACTOR: f32 = 0.05;
 
-    /// The skew of these factors of XY, XZ and YZ; those beyond [`Self::MAX_FACTOR`] become that one.
+    /// The skew of these factors of XY, XZ and YZ; those beyond [`Self::MAX_FACTOR`]
+    /// become that one.
     pub fn of_factors(factors: [f64; 3]) -> Self {
         Self { factors: factors.map(fixed) }
     }
@@ -40,11 +42,12 @@ impl Skew {
         self.factors.map(|factor| f64::from(factor) / ONE)
     }
 
-    /// The factor of a plane by the lengths AC, BD and AD of a parallelogram, units of 10 nm, to seven decimals;
-    /// `None` if no parallelogram has these lengths.
+    /// The factor of a plane by the lengths AC, BD and AD of a parallelogram, units of 10 nm, to
+    /// seven decimals; `None` if no parallelogram has these lengths.
     ///
-    /// Marlin's formula (`Configuration.h`, `XY_SKEW_FACTOR`): AB = sqrt(2 AC^2 + 2 BD^2 - 4 AD^2) / 2, and the factor is
-    /// tan(pi/2 - acos(c)), c = (AC^2 - AB^2 - AD^2) / (2 AB AD). That is c / sqrt(1 - c^2), and c is (AC^2 - BD^2) / (4 AB AD).
+    /// Marlin's formula (`Configuration.h`, `XY_SKEW_FACTOR`): AB = sqrt(2 AC^2 + 2 BD^2 - 4 AD^2)
+    /// / 2, and the factor is tan(pi/2 - acos(c)), c = (AC^2 - AB^2 - AD^2) / (2 AB AD). That is c
+    /// / sqrt(1 - c^2), and c is (AC^2 - BD^2) / (4 AB AD).
     pub fn factor_of_diagonals(lengths_10nm: [u32; 3]) -> Option<f32> {
         let [ac, bd, ad] = lengths_10nm.map(|length| length as f32);
         let [longer, shorter, _] = lengths_10nm.map(i64::from);
@@ -57,7 +60,8 @@ impl Skew {
         if sine_squared > 0.0 { Some(cosine / square_root_f32(sine_squared)) } else { None }
     }
 
-    /// Difference between the asked position of an axis and its own, units of 10 nm. It depends on the axes after it.
+    /// Difference between the asked position of an axis and its own, units of 10 nm. It depends on
+    /// the axes after it.
     #[inline(never)]
     pub(crate) fn ahead_10nm(&self, axis: usize, [_, y, z]: [i64; 3]) -> i64 {
         let [xy, xz, yz] = self.factors.map(i64::from);

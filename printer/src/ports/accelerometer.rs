@@ -7,16 +7,17 @@ use ferrostep_hal_shim::{AccelerometerFault, AccelerometerType};
 
 use crate::error::CommandError;
 
-/// An accelerometer at the nozzle or the bed. Machines may do without. Whoever owns it samples at its rate, whatever commands do,
-/// and sends the events as lines.
+/// An accelerometer at the nozzle or the bed. Machines may do without. Whoever owns it samples at
+/// its rate, whatever commands do, and sends the events as lines.
 pub trait Accelerometer: fmt::Debug {
-    /// Sets rate and resolution, the nearest that it has, where they are given; returns those in force. A change ends
-    /// a record.
+    /// Sets rate and resolution, the nearest that it has, where they are given; returns those in
+    /// force. A change ends a record.
     ///
     /// # Errors
     /// [`CommandError::OutOfRange`], [`CommandError::Accelerometer`]; the settings are unchanged.
     fn set(&self, rate_hz: Option<u16>, resolution_bits: Option<u8>) -> Result<AccelerometerSettings, CommandError>;
-    /// Begins a record of this many samples, now or when X, Y or Z moves next, and ends the one before; of 0 only that.
+    /// Begins a record of this many samples, now or when X, Y or Z moves next, and ends the one
+    /// before; of 0 only that.
     ///
     /// # Errors
     /// [`CommandError::Accelerometer`]; the record before has ended.
@@ -41,7 +42,8 @@ impl AccelerometerSettings {
         unset.nearest(of, Some(rate_hz), Some(resolution_bits))
     }
 
-    /// Returns the settings with another rate and resolution, the nearest that the type has, where they are given.
+    /// Returns the settings with another rate and resolution, the nearest that the type has,
+    /// where they are given.
     ///
     /// # Errors
     /// [`CommandError::OutOfRange`]: beyond the type's least and most.
@@ -90,7 +92,8 @@ pub enum RecordEvent {
     Ended {
         /// Samples a second.
         rate_hz: u16,
-        /// Samples that were lost because they were not taken in time, or at least how often some were.
+        /// Samples that were lost because they were not taken in time, or at least how
+        /// often some were.
         overflows: u32,
     },
     /// A record has ended before its time and is of no use.
@@ -125,7 +128,8 @@ impl fmt::Display for FaultText {
     }
 }
 
-/// Millionths of standard gravity as g with five decimals. In integers: a board writes ten thousand a second.
+/// Millionths of standard gravity as g with five decimals. In integers: a board writes ten
+/// thousand a second.
 struct Gravities(i32);
 
 impl fmt::Display for Gravities {

@@ -24,22 +24,23 @@ use crate::settings::profile::supply::SupplySignal;
 use crate::settings::profile::tools::{FurtherTool, ToolHeater, Tools};
 use crate::settings::profile::z_motors::{Kept, ZAlignment, ZMotors};
 
-/// Default for the step events a second that the processor can make if motion is its only work: an STM32F407 at 168
-/// MHz.
+/// Default for the step events a second that the processor can make if motion is its only work: an
+/// STM32F407 at 168 MHz.
 ///
-/// An event takes 34 instructions in the step interrupt and 90 to work out, at 1.4 cycles an instruction, and 22 cycles to
-/// enter and leave the interrupt: 196 cycles. Motion is granted 70 % of the processor, so 600,000 events a second. A
-/// third of that is kept in reserve.
+/// An event takes 34 instructions in the step interrupt and 90 to work out, at 1.4 cycles an
+/// instruction, and 22 cycles to enter and leave the interrupt: 196 cycles. Motion is granted 70 %
+/// of the processor, so 600,000 events a second. A third of that is kept in reserve.
 pub const DEFAULT_EVENTS_PER_S: u32 = 400_000;
 
-/// Deviation of a corner of 90 degrees, as a share of its speed's square over the acceleration: the square root of 2, less 1.
+/// Deviation of a corner of 90 degrees, as a share of its speed's square over the acceleration: the
+/// square root of 2, less 1.
 pub const SQUARE_CORNER_SHARE: f64 = core::f64::consts::SQRT_2 - 1.0;
 
-/// Default for the moves a second that the processor can read and plan if motion is its only work: an STM32F407 at
-/// 168 MHz.
+/// Default for the moves a second that the processor can read and plan if motion is its only work:
+/// an STM32F407 at 168 MHz.
 ///
-/// A move takes 7,000 instructions from its line to the first of its events, at 1.4 cycles: 12,000 moves a second in
-/// 70 % of the processor. A third of these is kept in reserve.
+/// A move takes 7,000 instructions from its line to the first of its events, at 1.4 cycles: 12,000
+/// moves a second in 70 % of the processor. A third of these is kept in reserve.
 pub const DEFAULT_MOVES_PER_S: u32 = 8_000;
 
 /// A power supply of heaters, motors and fans that the board can switch (M80, M81).
@@ -90,8 +91,8 @@ pub struct Profile {
     pub nozzle_diameter_mm: Option<f32>,
     /// Filament that the nozzle melts, mm^3/s: a rehearsal reports moves that ask for more.
     pub max_volumetric_flow_mm3_per_s: Option<f32>,
-    /// Hash of the profile's keys on which a plan depends, or which it must not exceed. Machines with the same hash may execute
-    /// each other's prepared jobs.
+    /// Hash of the profile's keys on which a plan depends, or which it must not exceed. Machines
+    /// with the same hash may execute each other's prepared jobs.
     pub plan_hash: u64,
     /// Macros, names for lines of G-code, in the form that the module `macros` reads.
     pub macros: &'static str,
@@ -109,7 +110,8 @@ pub struct Profile {
     pub motion: MotionChoice,
     /// Step events nearer to each other than this are joined, ticks of the nominal time base.
     pub minimum_event_interval_ticks: u32,
-    /// Processor time of a step event for [`Geometry::event_cost_ticks`], ticks of the nominal time base.
+    /// Processor time of a step event for [`Geometry::event_cost_ticks`], ticks of the
+    /// nominal time base.
     pub event_cost_ticks: u32,
     /// Processor time of a move for [`Geometry::move_cost_ticks`], ticks of the nominal time base.
     pub move_cost_ticks: u32,
@@ -131,13 +133,15 @@ pub struct Profile {
     pub z_motors: Option<Kept<ZMotors>>,
     /// The tools beside the first, if there are several.
     pub tools: Option<Kept<Tools>>,
-    /// Corners keep their speed when M204 or SET_VELOCITY_LIMIT changes the acceleration, and not their deviation.
+    /// Corners keep their speed when M204 or SET_VELOCITY_LIMIT changes the acceleration, and not
+    /// their deviation.
     pub holds_corner_speed: bool,
     // ANCHOR: min_extrusion
     /// Extrusion is refused below this nozzle temperature, degrees Celsius.
     pub min_extrusion_celsius: f32,
     // ANCHOR_END: min_extrusion
-    /// Heaters go off after this many seconds without a line from a host and without motion; 0: never (M86).
+    /// Heaters go off after this many seconds without a line from a host and without
+    /// motion; 0: never (M86).
     pub heater_timeout_s: u16,
     /// The nozzle's heater.
     pub nozzle: HeaterSettings,
@@ -165,7 +169,8 @@ pub struct Profile {
     pub driver: DriverTiming,
     /// Filament for moves without E words, at start-up.
     pub extrusion: ExtrusionSettings,
-    /// Settings of the drivers of the X, Y, Z and extruder motors; `None` for a driver that cannot be set.
+    /// Settings of the drivers of the X, Y, Z and extruder motors; `None` for a driver
+    /// that cannot be set.
     pub drivers: [Option<DriverSettings>; 4],
 }
 
@@ -240,7 +245,8 @@ impl Profile {
         Heater::ALL.map(|heater| self.heater(heater).copied())
     }
 
-    /// The settings of a heater, or of a chamber's thermometer; `None` for one that the machine does not have.
+    /// The settings of a heater, or of a chamber's thermometer; `None` for one that the
+    /// machine does not have.
     pub const fn heater(&self, heater: Heater) -> Option<&HeaterSettings> {
         match heater {
             Heater::Nozzle => Some(&self.nozzle),
@@ -262,8 +268,9 @@ impl Profile {
         self.homing.iter().rev().fold(0, |axes, homing| axes << 1 | stalls(homing))
     }
 
-    /// Counting motors with this machine's end stops, as placed when it is switched on. An axis that homes by a stall
-    /// has an end stop as well; a model of the drivers takes it away ([`Self::framed_axes`]).
+    /// Counting motors with this machine's end stops, as placed when it is switched on. An axis
+    /// that homes by a stall has an end stop as well; a model of the drivers takes it away
+    /// ([`Self::framed_axes`]).
     pub fn virtual_motors(&self) -> VirtualMotors {
         let [offset_x, offset_y, offset_z] = self.safe_homing.probe_offset_10nm;
         let end_stops = self.homing.map(|homing| {

@@ -1,7 +1,7 @@
 //! Lines that are measured, made by a real slicer.
 
-/// Lines of `examples/cube.gcode`, as its G-code has them: the ends of the skirt with its rounded corners, the first
-/// layer's contours, then infill whose short turns alternate with long tracks.
+/// Lines of `examples/cube.gcode`, as its G-code has them: the ends of the skirt with its rounded
+/// corners, the first layer's contours, then infill whose short turns alternate with long tracks.
 pub const LINES: [&str; 64] = [
     "G1 X88.784 Y85.816 E.85511",
     "G1 X90 Y85.643 E.89158",

@@ -16,8 +16,8 @@ impl HostFile {
     /// The file does not exist.
     pub fn open(name: &CStr) -> Result<Self, &'static str> {
         let length = name.to_bytes().len();
-        // SAFETY: address and length are the name's, which ends with a zero, as Arm's semihosting specification asks of
-        // SYS_OPEN.
+        // SAFETY: address and length are the name's, which ends with a zero, as Arm's semihosting
+        // specification asks of SYS_OPEN.
         let handle = unsafe { syscall!(OPEN, name.as_ptr(), nr::open::R_BINARY, length) };
         if handle == usize::MAX { Err("the file to print cannot be opened") } else { Ok(Self { handle }) }
     }

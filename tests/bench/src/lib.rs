@@ -1,6 +1,7 @@
 //! The parts of a print between two readings of a clock.
 //!
-//! Two programs share them: `bench` counts instructions in the emulator, `on-target` cycles on a board.
+//! Two programs share them: `bench` counts instructions in the emulator, `on-target`
+//! cycles on a board.
 #![no_std]
 
 use ferrostep_printer::Profile;

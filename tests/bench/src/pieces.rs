@@ -1,7 +1,7 @@
 //! The parts of a print on its way to the step queue, one at a time.
 //!
-//! Each has a separate planner on the stack, and leaves it before the next: they are not inlined into one function,
-//! whose planners would not all fit.
+//! Each has a separate planner on the stack, and leaves it before the next: they are not inlined
+//! into one function, whose planners would not all fit.
 
 use core::cell::RefCell;
 use core::hint::black_box;
@@ -17,7 +17,8 @@ use crate::machine::{BenchPlanner, Machine, NoReplies, QuickTime, execute};
 use crate::queue::PrintQueue;
 use crate::span::Counter;
 
-/// Rounds over the lines before anything is counted: the look-ahead ring is then full, as in a long print.
+/// Rounds over the lines before anything is counted: the look-ahead ring is then full, as
+/// in a long print.
 const WARM_UP_ROUNDS: usize = 3;
 
 /// Bytes to a command: line reader and parser.
@@ -161,8 +162,8 @@ pub fn advance(planner: &mut BenchPlanner<'_>, queue: &mut PrintQueue, goal: Goa
     Outcome::Reached
 }
 
-/// A trapezoid of 30 mm along `path_mm` (X and Y) with 1 mm of filament, at 100 mm/s and 1000 mm/s^2: instructions from
-/// the popped block to entries in the queue.
+/// A trapezoid of 30 mm along `path_mm` (X and Y) with 1 mm of filament, at 100 mm/s and 1000
+/// mm/s^2: instructions from the popped block to entries in the queue.
 #[inline(never)]
 pub fn trapezoid(
     counter: &Counter,

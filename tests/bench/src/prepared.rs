@@ -1,5 +1,5 @@
-//! The same moves as G-code and prepared, in both encodings: from their bytes to a block whose speeds are known, and on to
-//! the step queue.
+//! The same moves as G-code and prepared, in both encodings: from their bytes to a block whose
+//! speeds are known, and on to the step queue.
 
 use core::cell::RefCell;
 use core::future::Future;

@@ -57,9 +57,9 @@ fn pin_map<const PORTS: usize>() -> Option<PinMap<PORTS>> {
 
 /// The queue's near end.
 ///
-/// The one sink of the bench, as the firmware has one: a second type would change what the compiler inlines into the
-/// planner. So there are two builds of this program. With the feature `tally` entries are counted instead of queued,
-/// so that counting has no part in what queuing costs.
+/// The one sink of the bench, as the firmware has one: a second type would change what the compiler
+/// inlines into the planner. So there are two builds of this program. With the feature `tally`
+/// entries are counted instead of queued, so that counting has no part in what queuing costs.
 pub struct BenchQueue<M: 'static, const PORTS: usize, const N: usize> {
     queue: MotorQueue<Ports, M, PORTS, N>,
     interrupt: Interrupt,
@@ -89,8 +89,9 @@ pub struct Tally {
     pub events: u32,
 }
 
-/// Starts the timer as the firmware does. The interrupt is at `interrupt` instead of the timer's own place, which has no
-/// handler here: events come when they are counted. So the timer may be started for several interrupts.
+/// Starts the timer as the firmware does. The interrupt is at `interrupt` instead of the timer's
+/// own place, which has no handler here: events come when they are counted. So the timer may be
+/// started for several interrupts.
 pub fn start<M: Stepping, const PORTS: usize, const N: usize>(
     rcc: &RCC,
     ports: Ports,

@@ -7,8 +7,8 @@ use crate::prepared::Prepared;
 use crate::queue::Tally;
 use crate::shaped::Shaped;
 
-/// Cost of a line, from its end point to entries in the step queue. One build of this program counts the instructions,
-/// the other the rest.
+/// Cost of a line, from its end point to entries in the step queue. One build of this program
+/// counts the instructions, the other the rest.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LineCost {
     /// Instructions.

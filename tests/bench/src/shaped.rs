@@ -12,8 +12,8 @@ use crate::pieces::{Goal, Outcome, advance};
 use crate::queue::PrintQueue;
 use crate::span::Counter;
 
-/// Frequencies of the filters: X at 50 Hz, Y at 40 Hz. Three impulses each; Z and the extruder, late by their mean,
-/// make a seventh delay.
+/// Frequencies of the filters: X at 50 Hz, Y at 40 Hz. Three impulses each; Z and the extruder,
+/// late by their mean, make a seventh delay.
 const FREQUENCIES_HZ: [f64; 2] = [50.0, 40.0];
 
 /// Delays of these filters.
@@ -22,8 +22,8 @@ const DELAYS: u32 = 7;
 /// Pieces of a line's plan: ramp, cruise, ramp, and the rest at its end.
 const PIECES: u32 = 4;
 
-/// A window lies between two breakpoints, and every delay has one for each piece. The line is short enough that none of its
-/// windows is divided, and turns no motor.
+/// A window lies between two breakpoints, and every delay has one for each piece. The line is short
+/// enough that none of its windows is divided, and turns no motor.
 const WINDOWS: u32 = DELAYS * PIECES - 1;
 
 /// The line: 20 mm, X, Y, and filament.
@@ -31,8 +31,8 @@ const X_MM: i64 = 16;
 const Y_MM: i64 = 12;
 const FILAMENT_MM: f64 = 0.5;
 
-/// Steps/mm of X and Y, and of the filament; both are doubled for a second count. Twice the steps in the same windows
-/// tell the costs of steps and windows apart.
+/// Steps/mm of X and Y, and of the filament; both are doubled for a second count. Twice the steps
+/// in the same windows tell the costs of steps and windows apart.
 const STEPS_PER_MM: f64 = 80.0;
 const FILAMENT_STEPS_PER_MM: f64 = 100.0;
 

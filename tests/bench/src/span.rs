@@ -1,4 +1,5 @@
-//! Counts of the code that runs between two readings of a clock: a piece of code, or an interrupt's handler.
+//! Counts of the code that runs between two readings of a clock: a piece of code, or an
+//! interrupt's handler.
 
 use core::hint::black_box;
 use core::sync::atomic::{Ordering, compiler_fence};
@@ -12,10 +13,12 @@ pub const UNANSWERED: Interrupt = Interrupt::TIM4;
 
 /// A count that continues modulo 2^32.
 ///
-/// An enum and not a trait, so that the measured code is compiled once, in this crate, and inlined as in the firmware.
+/// An enum and not a trait, so that the measured code is compiled once, in this crate, and inlined
+/// as in the firmware.
 #[derive(Clone, Copy, Debug)]
 pub enum Count {
-    /// Instructions. The virtual mainboard executes one in two ticks of the motion clock (`xtask/workbench/src/mainboard.rs`).
+    /// Instructions. The virtual mainboard executes one in two ticks of the motion clock
+    /// (`xtask/workbench/src/mainboard.rs`).
     Instructions(MotionClock),
     /// The core's cycles, by its own counter (DWT CYCCNT), which has been started.
     Cycles,
@@ -79,9 +82,9 @@ impl Counter {
         (self.clock.between(start, end).saturating_sub(self.overhead), result)
     }
 
-    /// Pends an interrupt that is enabled and more urgent than the caller: from the first instruction of the vectored
-    /// function to its return inclusive. The processor's own entry and exit count if the clock counts cycles, and not
-    /// if it counts instructions.
+    /// Pends an interrupt that is enabled and more urgent than the caller: from the first
+    /// instruction of the vectored function to its return inclusive. The processor's own entry and
+    /// exit count if the clock counts cycles, and not if it counts instructions.
     pub fn count_handler(&self, interrupt: Interrupt) -> u32 {
         self.pend(interrupt).saturating_sub(self.pending_overhead)
     }

@@ -22,7 +22,8 @@ pub const FOUR_AXES: u8 = 0b1111;
 /// Fetches until the run is counted.
 const WARM_UP_FETCHES: usize = 4;
 
-/// Slots that are left in a queue that is played for a while: without one to fetch it would run dry.
+/// Slots that are left in a queue that is played for a while: without one to fetch
+/// it would run dry.
 const LEFT_SLOTS: usize = 2;
 
 /// Ticks between events: the handler has long returned when the next one is due.
@@ -40,8 +41,8 @@ pub fn synthetic<M: Stepping, const PORTS: usize, const N: usize>(
     Ok(StepEvents { one_axis, four_axes, single, start_of_motion, end_of_motion, ..StepEvents::default() })
 }
 
-/// Stairs of one kind, once the run is under way. If the events inside a stair do not all cost the same, the least of
-/// them is taken as that of most.
+/// Stairs of one kind, once the run is under way. If the events inside a stair do not all cost the
+/// same, the least of them is taken as that of most.
 pub fn stairs<M: Stepping, const PORTS: usize, const N: usize>(
     counter: &Counter,
     queue: &mut BenchQueue<M, PORTS, N>,

@@ -27,8 +27,8 @@ const PLAYED_QUEUES: u32 = 1000;
 /// Bytes read at once. Reading is not counted.
 const PORTION_BYTES: usize = 2048;
 
-/// Prints the file: instructions for each G0 and G1, everything else only executed. The step interrupt plays the first
-/// part of it.
+/// Prints the file: instructions for each G0 and G1, everything else only executed. The step
+/// interrupt plays the first part of it.
 pub fn measure(
     counter: &Counter,
     profile: &Profile,

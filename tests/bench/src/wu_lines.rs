@@ -1,5 +1,5 @@
-//! The lines of Wu 2024, tables 1 to 5, and lines of every slope, from end point to entries in the step queue, three
-//! ways.
+//! The lines of Wu 2024, tables 1 to 5, and lines of every slope, from end point to entries in the
+//! step queue, three ways.
 
 use core::hint::black_box;
 

@@ -1,7 +1,8 @@
-//! Any bytes are binary G-code or an error that can be told; in portions of any size they give the same.
+//! Any bytes are binary G-code or an error that can be told; in portions of any size
+//! they give the same.
 //!
-//! A fuzzer does not find checksums: the first byte says whether the blocks' are mended, and whether the input is a
-//! whole file or blocks to which a header is added.
+//! A fuzzer does not find checksums: the first byte says whether the blocks' are mended, and
+//! whether the input is a whole file or blocks to which a header is added.
 #![no_main]
 
 use ferrostep_binary_gcode::{Decoder, Error, Progress, Reason, Selection};

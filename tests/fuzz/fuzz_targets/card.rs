@@ -1,4 +1,5 @@
-//! A memory card with bytes changed at will: whatever it holds, every task ends within its budget, and none panics.
+//! A memory card with bytes changed at will: whatever it holds, every task ends within its budget,
+//! and none panics.
 #![no_main]
 
 use std::io::Read;

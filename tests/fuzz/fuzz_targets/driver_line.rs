@@ -1,5 +1,6 @@
-//! Any bytes are a TMC2209's reply or a reported error; and whatever comes over the line, the drivers' code ends
-//! in drivers that are confirmed or have failed, the chips of those that are confirmed hold what was to be written.
+//! Any bytes are a TMC2209's reply or a reported error; and whatever comes over the line, the
+//! drivers' code ends in drivers that are confirmed or have failed, the chips of those that are
+//! confirmed hold what was to be written.
 #![no_main]
 
 use ferrostep_tmc2209::{
@@ -23,7 +24,8 @@ const SETTINGS: DriverSettings = DriverSettings {
     both_edges: false,
 };
 
-/// Model chips on a line that the input disturbs: a byte that is not 0 is added to what is received.
+/// Model chips on a line that the input disturbs: a byte that is not 0 is added to
+/// what is received.
 struct Disturbed<'a> {
     lines: VirtualDriverLines,
     input: &'a [u8],

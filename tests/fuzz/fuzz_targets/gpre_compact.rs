@@ -24,7 +24,8 @@ fn read(bytes: &[u8]) {
 }
 
 fuzz_target!(|bytes: &[u8]| {
-    // The bytes as a file, and as a payload in a frame with a right checksum, which no random file has.
+    // The bytes as a file, and as a payload in a frame with a right checksum, which no
+    // random file has.
     let _ = Header::read(bytes);
     if let Some(head) = bytes.first_chunk::<HEAD_BYTES>()
         && let Ok(length) = frame_length(head)

@@ -1,4 +1,5 @@
-//! Frames of a transfer: whatever comes on the line, only bytes that were sent as such are taken, and the host is answered.
+//! Frames of a transfer: whatever comes on the line, only bytes that were sent as such are taken,
+//! and the host is answered.
 #![no_main]
 
 use ferrostep_gpre::parts::{Part, Parts};

@@ -1,4 +1,5 @@
-//! The paper's packets: for any bytes, values that are read are in range and are written back unchanged.
+//! The paper's packets: for any bytes, values that are read are in range and are
+//! written back unchanged.
 #![no_main]
 
 use ferrostep_papers::wide::Packet;

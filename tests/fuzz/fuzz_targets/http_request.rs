@@ -1,6 +1,7 @@
 //! Any bytes are the head of an HTTP request or are refused, and in portions of any size alike.
 //!
-//! A fuzzer does not find a whole head: by the first byte the input is a whole head, or the header lines of one.
+//! A fuzzer does not find a whole head: by the first byte the input is a whole head, or the
+//! header lines of one.
 #![no_main]
 
 use std::io::{self, Read};

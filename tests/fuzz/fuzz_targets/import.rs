@@ -1,5 +1,5 @@
-//! Any text is another firmware's configuration, or the report of a running one, or an error that can be told; what comes of it has passed
-//! the checks of profiles.
+//! Any text is another firmware's configuration, or the report of a running one, or an error that
+//! can be told; what comes of it has passed the checks of profiles.
 #![no_main]
 
 use ferrostep_import::{of_running_marlin, of_text};

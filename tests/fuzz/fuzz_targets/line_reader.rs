@@ -1,5 +1,5 @@
-//! Bytes in portions: the lines must be the same as from one portion, and the emergency scanner must agree with the
-//! parser about every line it acts on.
+//! Bytes in portions: the lines must be the same as from one portion, and the emergency scanner
+//! must agree with the parser about every line it acts on.
 #![no_main]
 
 use ferrostep_gcode::{

@@ -1,5 +1,5 @@
-//! Any bytes as a conversation with the whole machine in virtual time: it answers, does not panic, and reports the
-//! motors' true positions.
+//! Any bytes as a conversation with the whole machine in virtual time: it answers, does not panic,
+//! and reports the motors' true positions.
 #![no_main]
 
 use std::cell::OnceCell;

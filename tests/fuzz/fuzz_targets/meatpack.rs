@@ -1,5 +1,6 @@
-//! Any bytes are unpacked, whatever they switch on and off, and a reset makes the line plain again; what is packed comes back.
-//! What a port receives of them gives lines, and an emergency only where one was sent.
+//! Any bytes are unpacked, whatever they switch on and off, and a reset makes the line plain
+//! again; what is packed comes back. What a port receives of them gives lines, and an emergency
+//! only where one was sent.
 #![no_main]
 
 use ferrostep_gcode::Emergency;
@@ -21,7 +22,8 @@ fuzz_target!(|input: &[u8]| {
         assert_eq!(text, input);
     }
 
-    // A port gives the same, whatever the portions; a host's own FF becomes another byte that is not of UTF-8.
+    // A port gives the same, whatever the portions; a host's own FF becomes another byte that
+    // is not of UTF-8.
     let (mut incoming, mut ring) = (Incoming::new(), PortBuffers::default());
     for portion in input.chunks(7) {
         assert_eq!(incoming.take_in(portion, &mut ring), 0);

@@ -1,4 +1,5 @@
-//! Any bytes in the memory for settings: the machine starts, and its settings are such as commands set.
+//! Any bytes in the memory for settings: the machine starts, and its settings are such
+//! as commands set.
 #![no_main]
 
 use std::cell::OnceCell;

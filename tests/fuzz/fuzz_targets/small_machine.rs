@@ -1,5 +1,5 @@
-//! Any bytes as a short conversation with a small and fast machine in virtual time: what `machine` does, and checks, in a
-//! hundredth of the time.
+//! Any bytes as a short conversation with a small and fast machine in virtual time: what `machine`
+//! does, and checks, in a hundredth of the time.
 #![no_main]
 
 use std::cell::OnceCell;

@@ -1,8 +1,8 @@
-//! Any bytes are a trace or an error that can be told, read in portions of any size; and what is read is measured in finite
-//! numbers, on any kinematics, or refused.
+//! Any bytes are a trace or an error that can be told, read in portions of any size; and what is
+//! read is measured in finite numbers, on any kinematics, or refused.
 //!
-//! A fuzzer does not find headers: the first byte says whether the input is a whole file, or records to which a header
-//! is added, whose ticks are made to go forwards.
+//! A fuzzer does not find headers: the first byte says whether the input is a whole file, or
+//! records to which a header is added, whose ticks are made to go forwards.
 #![no_main]
 
 use std::io::{self, Read};

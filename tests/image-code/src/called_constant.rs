@@ -23,10 +23,10 @@ enum Use {
 /// Registers that a call may read and that it leaves changed.
 const OF_CALLS: [&str; 5] = ["r0", "r1", "r2", "r3", "ip"];
 
-/// Follows the value that an instruction has put in a register, and returns `true` if it is called on some path and
-/// neither read nor returned on any. The compiler calls a function in this way if it calls it often, since that is
-/// shorter. An outlined function is followed as part of its caller; `back` is its return address, if the instruction is
-/// in one.
+/// Follows the value that an instruction has put in a register, and returns `true` if it is called
+/// on some path and neither read nor returned on any. The compiler calls a function in this way if
+/// it calls it often, since that is shorter. An outlined function is followed as part of its
+/// caller; `back` is its return address, if the instruction is in one.
 pub fn is_only_called(code: &Code, setting: &Instruction, register: &str, back: Option<u32>) -> bool {
     let (mut pending, mut seen, mut is_called) =
         (vec![(setting.next(), register.to_owned(), back)], BTreeSet::new(), false);
@@ -114,7 +114,8 @@ fn use_of(instruction: &Instruction, register: &str) -> Use {
     let (first, rest) = operands.split_once(',').unwrap_or((operands, ""));
     let replaces = match name.as_str() {
         "pop" => true,
-        // Without a condition; one with a condition leaves the value at times, and counts as a read.
+        // Without a condition; one with a condition leaves the value at times, and
+        // counts as a read.
         "ldr" | "ldrb" | "ldrh" | "mov" | "movs" | "movw" | "adr" | "add" | "adds" | "sub" | "subs" => {
             first == register && !names(rest)
         }

@@ -113,7 +113,8 @@ impl Code {
         Ok(Self { disassembler, sections, kinds, functions, ends, constants, vectors })
     }
 
-    /// The names of the function that an address is in: the linker joins equal ones, and unused vectors share one.
+    /// The names of the function that an address is in: the linker joins equal ones, and unused
+    /// vectors share one.
     pub fn names(&self, address: u32) -> Vec<String> {
         let names = self.functions.range(..=address).next_back().map(|(_, names)| names.as_slice());
         // Without the hash that the compiler adds.
@@ -130,15 +131,15 @@ impl Code {
         self.functions.range(..=address).next_back().map(|(&start, _)| start)
     }
 
-    /// Returns `true` if an outlined function begins at an address: instructions taken out of several functions, which
-    /// call it now.
+    /// Returns `true` if an outlined function begins at an address: instructions taken out of
+    /// several functions, which call it now.
     pub fn is_outlined(&self, address: u32) -> bool {
         let names = self.functions.get(&address);
         names.is_some_and(|names| names.iter().all(|name| name.starts_with("OUTLINED_FUNCTION_")))
     }
 
-    /// Returns true if an address lies after the end of the function that begins before it. A function without a
-    /// length, which is not the compiler's, has no end.
+    /// Returns true if an address lies after the end of the function that begins before it. A
+    /// function without a length, which is not the compiler's, has no end.
     pub fn is_between_functions(&self, address: u32) -> bool {
         let before = self.ends.range(..=address).next_back();
         before.is_none_or(|(&start, &end)| end > start && address >= end)
@@ -174,7 +175,8 @@ impl Code {
         }
     }
 
-    /// Every word of the image's constants and of the bytes that RAM is filled with, without the table of handlers.
+    /// Every word of the image's constants and of the bytes that RAM is filled with, without the
+    /// table of handlers.
     pub fn constants(&self) -> BTreeSet<u32> {
         self.constants.iter().flat_map(|(_, bytes)| words(bytes)).collect()
     }
@@ -221,7 +223,8 @@ impl Code {
         })
     }
 
-    /// Possible targets of a branch through a table of offsets (`tbb`, `tbh`); empty for any other instruction.
+    /// Possible targets of a branch through a table of offsets (`tbb`, `tbh`); empty for any
+    /// other instruction.
     pub fn table_targets(&self, instruction: &Instruction) -> BTreeSet<u32> {
         let bytes_each = match (instruction.name.as_str(), instruction.operands.starts_with("[pc")) {
             ("tbb", true) => 1,
@@ -239,7 +242,8 @@ impl Code {
             [low] => u32::from(low),
             _ => 0,
         });
-        // Filling of the last word reads as an offset into the table, and constants after the table lead out of the function.
+        // Filling of the last word reads as an offset into the table, and constants after the table
+        // lead out of the function.
         let function = self.function_start(instruction.address);
         let is_target = |target: &u32| self.function_start(*target) == function && self.instruction(*target).is_ok();
         offsets.map(|offset| table + 2 * offset).filter(is_target).collect()
@@ -273,7 +277,8 @@ fn words(bytes: &[u8]) -> impl Iterator<Item = u32> + use<'_> {
     bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word))
 }
 
-/// The constant to which a register was last set by the instructions of a function, taken in their order.
+/// The constant to which a register was last set by the instructions of a function,
+/// taken in their order.
 pub fn constant(function: &[Instruction], register: &str) -> Option<u32> {
     let only_reads = |name: &str| {
         matches!(name, "bx" | "blx" | "cbz" | "cbnz" | "cmp" | "cmn" | "tst" | "teq") || name.starts_with("str")

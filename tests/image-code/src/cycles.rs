@@ -1,9 +1,10 @@
-//! Cycles of the Cortex-M4's instructions, every choice at its dearest (technical reference manual r0p1, table 3-1; of
-//! the floating-point unit, table 7-1).
+//! Cycles of the Cortex-M4's instructions, every choice at its dearest (technical reference manual
+//! r0p1, table 3-1; of the floating-point unit, table 7-1).
 
 use crate::code::Instruction;
 
-/// Maximum cycles of an instruction, without waiting for flash or a peripheral. `branches`: execution continues elsewhere.
+/// Maximum cycles of an instruction, without waiting for flash or a peripheral. `branches`:
+/// execution continues elsewhere.
 pub fn cycles(instruction: &Instruction, branches: bool) -> u32 {
     let name = instruction.name.as_str();
     let is_one_of = |starts: &[&str]| starts.iter().any(|start| name.starts_with(start));

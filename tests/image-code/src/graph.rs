@@ -72,7 +72,8 @@ impl Graph {
         Some(Longest { cost: most[group_of[0]], has_loop })
     }
 
-    /// The strongly connected components among the nodes that count, by Tarjan's algorithm, without recursion.
+    /// The strongly connected components among the nodes that count, by Tarjan's algorithm,
+    /// without recursion.
     fn groups(&self, counts: &[bool]) -> Vec<Vec<usize>> {
         const UNSEEN: usize = usize::MAX;
         let nodes = self.next.len();

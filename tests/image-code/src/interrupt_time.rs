@@ -1,16 +1,16 @@
 //! Longest time of the step interrupt, from its instructions.
 //!
-//! The reload value that it stores at one update rules the gap after the next, so the store must arrive before that one
-//! (RM0090 18.3.1: with ARPE set, the preload register becomes the shadow register at each update event). Three bounds
-//! follow, each for a gap of a given length:
+//! The reload value that it stores at one update rules the gap after the next, so the store must
+//! arrive before that one (RM0090 18.3.1: with ARPE set, the preload register becomes the shadow
+//! register at each update event). Three bounds follow, each for a gap of a given length:
 //!
 //! - the store arrives within one gap, although every line of flash has to be fetched;
 //! - once flash is in the cache, the whole interrupt fits into one gap, so that lateness dies out;
 //! - an interrupt with an empty cache and the next one's store together fit into two gaps.
 //!
-//! The costs are the Cortex-M4's (`cycles`).
-//! Sections that other code of the same or a higher priority could put in front are not in them: the firmware has none
-//! while steps are played, which the tests `masks` and `step_interrupt` hold it to.
+//! The costs are the Cortex-M4's (`cycles`). Sections that other code of the same or a higher
+//! priority could put in front are not in them: the firmware has none while steps are played, which
+//! the tests `masks` and `step_interrupt` hold it to.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -19,25 +19,26 @@ use crate::code::{Code, Instruction};
 use crate::cycles::cycles;
 use crate::flow::{Flow, flow};
 
-/// Cycles from the update to the handler's first instruction, without wait states (technical reference manual, 3.9.1).
+/// Cycles from the update to the handler's first instruction, without wait states (technical
+/// reference manual, 3.9.1).
 const ENTRY_CYCLES: u32 = 12;
 
 /// Cycles from the handler's return to the interrupted code.
 const EXIT_CYCLES: u32 = 10;
 
-/// Cycles that fetching 16 bytes of flash, or the vector, adds when they are not in the cache: five wait states
-/// (RM0090, table 10: 168 MHz at 3.3 V).
+/// Cycles that fetching 16 bytes of flash, or the vector, adds when they are not in the cache: five
+/// wait states (RM0090, table 10: 168 MHz at 3.3 V).
 const FLASH_CYCLES: u32 = 5;
 
 /// Bytes of a line of flash.
 const FLASH_LINE: u32 = 16;
 
-/// Cycles by which a store to the timer delays the next access to the bus, or its own arrival: two cycles of a bus at a
-/// quarter of the core's clock, and their alignment to it.
+/// Cycles by which a store to the timer delays the next access to the bus, or its own arrival: two
+/// cycles of a bus at a quarter of the core's clock, and their alignment to it.
 const TIMER_STORE_CYCLES: u32 = 12;
 
-/// Cycles by which a store to a port does the same: its bus has the core's clock, and a pin toggles every two cycles at
-/// the fastest (DS8626, table 50).
+/// Cycles by which a store to a port does the same: its bus has the core's clock, and a pin toggles
+/// every two cycles at the fastest (DS8626, table 50).
 const PORT_STORE_CYCLES: u32 = 2;
 
 /// TIM2's number (RM0090, table 61): the step interrupt.
@@ -96,14 +97,15 @@ impl fmt::Display for InterruptTime {
     }
 }
 
-/// Holds the step interrupt of an image, and the one that measures it, against the shortest gap between two updates, cycles of
-/// the core. Returns their times.
+/// Holds the step interrupt of an image, and the one that measures it, against the shortest gap
+/// between two updates, cycles of the core. Returns their times.
 ///
-/// The one that measures only has to store its reload value in time with its instructions in the cache: it counts afterwards,
-/// and M798 is a tool for the bench, not for a print.
+/// The one that measures only has to store its reload value in time with its instructions in the
+/// cache: it counts afterwards, and M798 is a tool for the bench, not for a print.
 ///
 /// # Errors
-/// A handler is missing, cannot be followed or takes too long; says which bound is broken, with the figures.
+/// A handler is missing, cannot be followed or takes too long; says which bound is broken,
+/// with the figures.
 pub fn check(code: &Code, gap_cycles: u32) -> Result<[InterruptTime; 2], String> {
     let measured = code.functions_named(MEASURED);
     let [measured] = measured[..] else {
@@ -126,8 +128,8 @@ impl InterruptTime {
     /// Follows every path through the handler of an interrupt, and through functions that it calls.
     ///
     /// # Errors
-    /// The handler does not clear a timer's status register and store to its reload register, has a loop, or leads to a place
-    /// that cannot be computed.
+    /// The handler does not clear a timer's status register and store to its reload register, has a
+    /// loop, or leads to a place that cannot be computed.
     pub fn of(code: &Code, handler: u32) -> Result<Self, String> {
         let mut time = Self::default();
         follow(code, Path::new(handler), &mut time)?;

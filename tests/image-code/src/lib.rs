@@ -1,5 +1,5 @@
-//! The instructions of a firmware image: their targets, the longest time of the step interrupt, the time for which
-//! interrupts are masked, and the depth of the stack.
+//! The instructions of a firmware image: their targets, the longest time of the step interrupt, the
+//! time for which interrupts are masked, and the depth of the stack.
 #![deny(missing_docs)]
 #![forbid(unsafe_code)]
 

@@ -1,10 +1,11 @@
 //! Sections in which an image's code masks interrupts, and their maximum duration.
 //!
-//! A section begins with the instruction that raises BASEPRI, or sets PRIMASK or FAULTMASK, and ends with the one that
-//! puts it back. All paths between the two are followed, through branches, tables and calls; a path that ends in a trap
-//! does not come back and does not count. Cycles are the most that instructions take from the flash's cache (`cycles`),
-//! without the time of interrupts that are not masked. A loop's instructions count once, and the section says that it
-//! has one.
+//! A section begins with the instruction that raises BASEPRI, or sets PRIMASK or FAULTMASK, and
+//! ends with the one that puts it back. All paths between the two are followed, through
+//! branches, tables and calls; a path that ends in a trap does not come back and does not count.
+//! Cycles are the most that instructions take from the flash's cache (`cycles`), without the
+//! time of interrupts that are not masked. A loop's instructions count once, and the section
+//! says that it has one.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -30,7 +31,8 @@ pub enum Mask {
 /// A section that masks interrupts.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Section {
-    /// The instruction that begins it: one that masks, or the call of a function that returns with interrupts masked.
+    /// The instruction that begins it: one that masks, or the call of a function that returns with
+    /// interrupts masked.
     pub address: u32,
     /// Name of the function that contains this instruction.
     pub function: String,
@@ -86,7 +88,8 @@ pub fn sections(code: &Code) -> Result<Vec<Section>, String> {
     Ok(sections)
 }
 
-/// The priority that an instruction raises BASEPRI to, if its function's instructions before it tell.
+/// The priority that an instruction raises BASEPRI to, if its function's
+/// instructions before it tell.
 fn raised_to(code: &Code, all: &[Instruction], place: usize) -> Mask {
     let mask = || {
         let raised = all.get(place)?;
@@ -174,8 +177,8 @@ impl Paths<'_> {
         Ok(called)
     }
 
-    /// Follows all paths from an instruction on: those of a function to its returns, or those of a section that begins there to
-    /// its ends.
+    /// Follows all paths from an instruction on: those of a function to its returns, or those of a
+    /// section that begins there to its ends.
     fn walk(&mut self, first: &Instruction, is_section: bool) -> Result<Walk, String> {
         let mut graph = Graph::default();
         let mut numbers = BTreeMap::from([((first.address, 0), graph.add(0))]);
@@ -242,7 +245,8 @@ impl Paths<'_> {
                     depths.insert(after);
                 }
             }
-            // A task that ends puts the mask back without raising it before, as often as its caller loops.
+            // A task that ends puts the mask back without raising it before, as often as
+            // its caller loops.
             for node in next.into_iter().map(|(address, depth)| (address, depth.clamp(-1, MAX_DEPTH))) {
                 let to = *numbers.entry(node).or_insert_with(|| {
                     pending.push(node);

@@ -1,8 +1,9 @@
 //! The maximum stack of an image, from its instructions.
 //!
-//! A function's frame is the sum of all that its instructions take, as if every one of them were executed: never too
-//! little. Calls are followed wherever they can lead. The target of a call through a pointer cannot be read there, so it
-//! is assumed to lead to every function of its kind whose address occurs anywhere in the image.
+//! A function's frame is the sum of all that its instructions take, as if every one of them were
+//! executed: never too little. Calls are followed wherever they can lead. The target of a call
+//! through a pointer cannot be read there, so it is assumed to lead to every function of its kind
+//! whose address occurs anywhere in the image.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
@@ -10,16 +11,18 @@ use std::rc::Rc;
 use crate::called_constant::is_only_called;
 use crate::code::{Code, Instruction};
 
-/// Bytes that an exception puts on the stack: eight words of the core, 18 of the floating-point unit, and one to align
-/// them (ARMv7-M Architecture Reference Manual, B1.5.6 and B1.5.7).
+/// Bytes that an exception puts on the stack: eight words of the core, 18 of the floating-point
+/// unit, and one to align them (ARMv7-M Architecture Reference Manual, B1.5.6 and B1.5.7).
 pub const EXCEPTION_BYTES: u32 = 4 * (8 + 18 + 1);
 
 /// Maximum depth of a text whose arguments are texts with arguments, and so on.
 ///
-/// The longest chain: a reply, the refusal in it, the error in that, a driver's report, its error, a number.
+/// The longest chain: a reply, the refusal in it, the error in that, a driver's report, its
+/// error, a number.
 const NESTED_TEXTS: u32 = 6;
 
-/// Number of Ferrostep's types, those with the largest frames, for which the search remembers whether their text is being made.
+/// Number of Ferrostep's types, those with the largest frames, for which the search remembers
+/// whether their text is being made.
 const TEXTS_IN_MIND: usize = 10;
 
 /// The purpose of a call through a pointer.
@@ -48,7 +51,8 @@ pub struct StackUse<'a> {
     functions: BTreeMap<u32, Function>,
     /// Functions whose address occurs, by purpose.
     pointed_to: BTreeMap<Kind, BTreeSet<u32>>,
-    /// Functions that make the text of one of Ferrostep's types, those with the largest frames, at most [`TEXTS_IN_MIND`].
+    /// Functions that make the text of one of Ferrostep's types, those with the largest frames, at
+    /// most [`TEXTS_IN_MIND`].
     own_texts: Vec<u32>,
 }
 
@@ -70,7 +74,8 @@ impl<'a> StackUse<'a> {
         let mut functions = BTreeMap::<u32, Function>::new();
         let mut pointers = code.constants();
         let mut literals = code.literals();
-        // Constants that are only loaded to be called: for each, whether that holds for all instructions that load it.
+        // Constants that are only loaded to be called: for each, whether that holds for all
+        // instructions that load it.
         let mut only_called = BTreeMap::<u32, bool>::new();
         let mut lower_halves = BTreeMap::new();
         let mut current = None;
@@ -160,7 +165,8 @@ impl<'a> StackUse<'a> {
         self.code.names(start).iter().any(|name| name.contains("ferrostep_gcode::reply::Reply as core::fmt::Display"))
     }
 
-    /// The functions that a pointer leads to from a function, and whether that begins a text within a text.
+    /// The functions that a pointer leads to from a function, and whether that begins a
+    /// text within a text.
     fn through_pointers(&self, start: u32) -> Vec<(u32, bool)> {
         let names = self.code.names(start);
         let own = kind(&names);
@@ -198,7 +204,8 @@ struct Search<'a, 'b> {
 impl Search<'_, '_> {
     fn deepest(&mut self, start: u32, mut within: Within) -> Result<Rc<Deepest>, String> {
         if let Some(place) = self.stack_use.own_texts.iter().position(|own| *own == start) {
-            // No type of Ferrostep's contains itself, for none is on a heap: its text is never in its own.
+            // No type of Ferrostep's contains itself, for none is on a heap: its text is
+            // never in its own.
             if within.own_texts >> place & 1 == 1 {
                 return Ok(Rc::default());
             }
@@ -237,8 +244,8 @@ impl Search<'_, '_> {
     }
 }
 
-/// The functions that make the text of one of Ferrostep's types, the largest frames first. One that the linker has
-/// merged with others is left out.
+/// The functions that make the text of one of Ferrostep's types, the largest frames first. One that
+/// the linker has merged with others is left out.
 fn own_texts(code: &Code, functions: &BTreeMap<u32, Function>) -> Vec<u32> {
     let is_own = |start: u32| match &code.names(start)[..] {
         [name] => {
@@ -331,8 +338,9 @@ fn is_through_pointer(instruction: &Instruction) -> bool {
         || name.starts_with("ldr") && operands.starts_with("pc") && !operands.starts_with("pc, [sp]")
 }
 
-/// The register that an instruction loads with a word from between the instructions, and where that lies (ARMv7-M Architecture
-/// Reference Manual, A7.7.44: from the next word boundary after the instruction's fourth byte).
+/// The register that an instruction loads with a word from between the instructions, and where that
+/// lies (ARMv7-M Architecture Reference Manual, A7.7.44: from the next word boundary after the
+/// instruction's fourth byte).
 fn loaded_literal(instruction: &Instruction) -> Option<(&str, u32)> {
     let (register, offset) = instruction.operands.split_once(", [pc, #")?;
     (instruction.name == "ldr").then_some(())?;

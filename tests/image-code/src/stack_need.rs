@@ -9,7 +9,8 @@ use crate::stack::{Deepest, EXCEPTION_BYTES, StackUse};
 /// Lowest possible end of the stack: there is no RAM below it.
 const RAM_START: u32 = 0x2000_0000;
 
-/// Handlers that share a priority: one of each list runs at a time. Every other handler has a separate priority.
+/// Handlers that share a priority: one of each list runs at a time. Every other handler has a
+/// separate priority.
 const OF_ONE_PRIORITY: [&[&str]; 2] = [
     &["TIM2", "TIM1_BRK_TIM9"],
     // The last ones: no handler follows them.

@@ -1,9 +1,12 @@
-//! The chip: an STM32F405, F407 or F446, built from rigless's models and from own models for what rigless lacks.
+//! The chip: an STM32F405, F407 or F446, built from rigless's models and from own models for
+//! what rigless lacks.
 //!
-//! rigless's models were written from RM0090 for the STM32F427, of which these chips have a subset: clock tree, supply,
-//! flash interface, ports, DMA, converters, serial ports, TIM1 to TIM5 and TIM8, watchdog, cycle counter. Own models are
-//! the EXTI and SYSCFG ([`exti`]), endless scans of the converters ([`converter`]), the other timers and the connections between timers ([`timers`]), USB ([`usb`]), and
-//! the SDIO with a card's slot ([`sdio`]). [`map`] lists each chip's instances and memories.
+//! rigless's models were written from RM0090 for the STM32F427, of which these chips have a subset:
+//! clock tree, supply, flash interface, ports, DMA, converters, serial ports, TIM1 to TIM5 and
+//! TIM8, watchdog, cycle counter. Own models are the EXTI and SYSCFG ([`exti`]), endless scans of
+//! the converters ([`converter`]), the other timers and the connections between timers
+//! ([`timers`]), USB ([`usb`]), and the SDIO with a card's slot ([`sdio`]). [`map`] lists each
+//! chip's instances and memories.
 //!
 //! **Where an F405, F407 or F446 differs from an F427 and the model is the F427's**
 //!
@@ -108,7 +111,8 @@ pub struct Stm32f4 {
     halt: Halt,
     bus: Bus,
     wiring: Box<[Instance]>,
-    /// Slots of the ports and of the serial ports, which every store to a pin and every stop looks up.
+    /// Slots of the ports and of the serial ports, which every store to a pin and
+    /// every stop looks up.
     port_slots: [usize; PORTS.len()],
     serial_slots: [Option<usize>; SERIAL_PORTS.len()],
 }
@@ -224,7 +228,8 @@ impl Stm32f4 {
         self.wiring.iter().position(|wired| *wired == instance).unwrap_or_default()
     }
 
-    /// Sets the 3.3 V rail, mV: the voltage that brown-out and flash interface compare, and the converters' reference.
+    /// Sets the 3.3 V rail, mV: the voltage that brown-out and flash interface compare, and the
+    /// converters' reference.
     pub fn set_supply(&mut self, millivolts: u32) {
         let slot = self.slot(Instance::Pwr);
         self.pwr.set_supply(millivolts, self.bus.slot_mut(slot).registers_mut());
@@ -237,7 +242,8 @@ impl Stm32f4 {
         }
     }
 
-    /// Sets the time from an interrupt's request to its handler's first instruction, ns; [`ENTRY_NS`] by default.
+    /// Sets the time from an interrupt's request to its handler's first instruction, ns;
+    /// [`ENTRY_NS`] by default.
     pub fn set_interrupt_entry(&mut self, delay_ns: u64) {
         self.entry = Entry::new(delay_ns);
     }
@@ -260,7 +266,8 @@ impl Stm32f4 {
         self.late_clocks.is_on()
     }
 
-    /// Follows an access of the firmware: a write to a clock enable starts its delay, a read ends it.
+    /// Follows an access of the firmware: a write to a clock enable starts its
+    /// delay, a read ends it.
     pub fn reached(&mut self, at: VirtualNanos, kind: AccessKind, address: u64) {
         if !self.late_clocks.is_on() {
             return;
@@ -306,7 +313,8 @@ impl Stm32f4 {
         self.port_slots.get(port).map(|slot| Self::registers(&self.bus, *slot))
     }
 
-    /// The share of time for which a timer's channel drives its pin high; `None` if it does not drive the pin.
+    /// The share of time for which a timer's channel drives its pin high; `None` if it does
+    /// not drive the pin.
     #[must_use]
     pub fn duty(&self, timer: u8, channel: u8) -> Option<f64> {
         let name = format!("TIM{timer}");
@@ -320,7 +328,8 @@ impl Stm32f4 {
         duty(&self.advanced[nth].tim, channel, registers)
     }
 
-    /// The duration of a bit on a serial port, ns, from its divider (RM0090 30.3.4, oversampling by 16).
+    /// The duration of a bit on a serial port, ns, from its divider (RM0090 30.3.4,
+    /// oversampling by 16).
     #[must_use]
     pub fn bit_ns(&self, instance: &str) -> u64 {
         use generated::usart6::Register::Brr;
@@ -364,7 +373,8 @@ impl Stm32f4 {
         &mut self.sdio
     }
 
-    /// Data lines that reach the slot: its pins are at the SDIO's alternate function (RM0090 8.4.1, 8.4.9, DS8626 table 9).
+    /// Data lines that reach the slot: its pins are at the SDIO's alternate function (RM0090 8.4.1,
+    /// 8.4.9, DS8626 table 9).
     fn card_lines(&self) -> u8 {
         use generated::gpioa::Register::{Afrh, Afrl, Moder};
         const ALTERNATE: u64 = 0b10;

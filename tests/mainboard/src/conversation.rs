@@ -1,8 +1,9 @@
-//! A conversation with a running board: virtual time passes only while the caller waits for an answer.
+//! A conversation with a running board: virtual time passes only while the caller
+//! waits for an answer.
 //!
-//! For tests and other programs that send, check, and send again. The run has its own thread, which stands still
-//! between two calls: the result does not depend on the speed of this computer, and the same calls give the same
-//! answers.
+//! For tests and other programs that send, check, and send again. The run has its own thread, which
+//! stands still between two calls: the result does not depend on the speed of this computer, and
+//! the same calls give the same answers.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -149,7 +150,8 @@ impl Conversation {
         Self::start_via(Via::Serial, machine, images, boot)
     }
 
-    /// Switches a machine on with these images in its memories; `boot` is the address of the vector table.
+    /// Switches a machine on with these images in its memories; `boot` is the address of
+    /// the vector table.
     ///
     /// # Errors
     /// The operating system refuses a thread.
@@ -184,8 +186,8 @@ impl Conversation {
         self.now_ns
     }
 
-    /// Acts on the machine and the chip's memory while the run stands still. The chip sees changes to
-    /// [`Machine::plant`] after [`crate::plant::Plant::refresh_inputs`].
+    /// Acts on the machine and the chip's memory while the run stands still. The chip sees changes
+    /// to [`Machine::plant`] after [`crate::plant::Plant::refresh_inputs`].
     ///
     /// # Errors
     /// The run has ended; the text says why.

@@ -1,7 +1,8 @@
-//! Decodes the edges of step and direction pins into steps, and compares them with the plan of the desk.
+//! Decodes the edges of step and direction pins into steps, and compares them with the
+//! plan of the desk.
 //!
-//! [`Decoder`] takes edges and yields step events; [`Trace`] reads the desk's trace; [`compare`] compares the two in
-//! order and in time.
+//! [`Decoder`] takes edges and yields step events; [`Trace`] reads the desk's trace; [`compare`]
+//! compares the two in order and in time.
 
 mod compare;
 mod digest;

@@ -1,5 +1,5 @@
-//! Faults from outside: a campaign brings the printer into each of its states, lets a part fail at a random instant, and compares
-//! the outcome with the promises of the documentation.
+//! Faults from outside: a campaign brings the printer into each of its states, lets a part fail at
+//! a random instant, and compares the outcome with the promises of the documentation.
 //!
 //! | subject | module |
 //! |---|---|
@@ -12,11 +12,13 @@
 //! | when a run's verdict is certain, and the verdict | [`verdict`] |
 //! | a matrix of fault and state, as text, CSV and JSON | [`matrix`] |
 //!
-//! The seed alone determines a run: fault, state, instant within the state, and details. So every run can be repeated.
+//! The seed alone determines a run: fault, state, instant within the state, and details. So every
+//! run can be repeated.
 //!
-//! Left out: a thermistor half out of its hole (no promise, and minutes of time for each run); the NMI of a crystal that stops,
-//! which the emulator does not raise; a hang of the idle loop; two independent faults at once; noise on pins other than edges;
-//! faults of the card; slow wear. The host's line is the serial one.
+//! Left out: a thermistor half out of its hole (no promise, and minutes of time for each run); the
+//! NMI of a crystal that stops, which the emulator does not raise; a hang of the idle loop; two
+//! independent faults at once; noise on pins other than edges; faults of the card; slow wear. The
+//! host's line is the serial one.
 
 pub mod bench;
 pub mod campaign;

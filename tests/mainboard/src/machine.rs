@@ -23,22 +23,24 @@ use mailbox::Mailbox;
 use ports::Ports;
 pub use stores::Store;
 
-/// Instructions per second of virtual time. The cycle model of the step interrupt averages 1.4 cycles an instruction
-/// (docs/src/stepping.md); at 168 MHz that is 120 million.
+/// Instructions per second of virtual time. The cycle model of the step interrupt averages 1.4
+/// cycles an instruction (docs/src/stepping.md); at 168 MHz that is 120 million.
 pub const INSTRUCTIONS_PER_SECOND: u64 = 120_000_000;
 /// The core's clock; SysTick counts eighths of it.
 const CORE_HZ: u64 = 168_000_000;
-/// Steps of different motors within this time are one event: one store a port, with some instructions in between.
+/// Steps of different motors within this time are one event: one store a port, with some
+/// instructions in between.
 const EVENT_WINDOW_NS: u64 = 400;
 /// The serial line of the host.
 pub const HOST_PORT: &str = "USART1";
 /// The serial line that drivers share on some boards.
 const DRIVER_PORT: &str = "USART2";
-/// Time that the computer waits before it polls the printer again after a NAK, ns: longer than on a real bus, which
-/// would interrupt the run every 50 us without any data.
+/// Time that the computer waits before it polls the printer again after a NAK, ns: longer than on a
+/// real bus, which would interrupt the run every 50 us without any data.
 const NAK_RETRY_NS: u64 = 250_000;
-/// Falling thresholds of the brown-out reset by its level in the option bytes, mV: DS8626 table 22 (typical). Level 3
-/// switches the brown-out reset off and leaves the threshold of the power-down reset.
+/// Falling thresholds of the brown-out reset by its level in the option bytes, mV: DS8626 table
+/// 22 (typical). Level 3 switches the brown-out reset off and leaves the threshold of the
+/// power-down reset.
 const BROWN_OUT_MV: [f64; 4] = [2830.0, 2500.0, 2190.0, 1680.0];
 const BROWN_OUT_HYSTERESIS_MV: f64 = 100.0;
 
@@ -108,7 +110,8 @@ impl Machine {
         })
     }
 
-    /// Sets the core's rate, by default [`INSTRUCTIONS_PER_SECOND`]: a lower rate stands for wait states.
+    /// Sets the core's rate, by default [`INSTRUCTIONS_PER_SECOND`]: a lower rate stands
+    /// for wait states.
     pub fn set_instructions_per_second(&mut self, rate: NonZeroU64) {
         self.instructions_per_second = rate;
     }
@@ -246,7 +249,8 @@ impl Machine {
         }
     }
 
-    /// Passes the supply voltage to the chip; below the threshold the chip stands in reset (RM0090 5.2.2, 5.2.3).
+    /// Passes the supply voltage to the chip; below the threshold the chip stands in reset
+    /// (RM0090 5.2.2, 5.2.3).
     fn follow_rail(&mut self, now_ns: u64) {
         let millivolts = self.plant.chip_rail.millivolts(now_ns);
         let threshold = BROWN_OUT_MV[self.chip.brown_out_level()];

@@ -1,4 +1,5 @@
-//! The virtual mainboard's command: prints on it, serves its line, injects faults, counts instructions.
+//! The virtual mainboard's command: prints on it, serves its line, injects faults,
+//! counts instructions.
 
 use std::process::ExitCode;
 

@@ -1,8 +1,10 @@
-//! The parts around the chip: drivers, motors and axes, switches, heaters, sensors, fans and the supply.
+//! The parts around the chip: drivers, motors and axes, switches, heaters, sensors,
+//! fans and the supply.
 //!
-//! All times are virtual nanoseconds from the start of the run (`u64`). A part depends on its inputs and its seed only:
-//! the same calls give the same run. A level is a `bool`; `Option<bool>` is a wire that may float, `None` when it does.
-//! Parts follow data sheets and physics, never the firmware. Each module lists what it covers and what it leaves out.
+//! All times are virtual nanoseconds from the start of the run (`u64`). A part depends on its
+//! inputs and its seed only: the same calls give the same run. A level is a `bool`; `Option<bool>`
+//! is a wire that may float, `None` when it does. Parts follow data sheets and physics, never the
+//! firmware. Each module lists what it covers and what it leaves out.
 //!
 //! | module | part |
 //! |---|---|

@@ -1,7 +1,7 @@
 //! The printer around the chip: every part on the pins that the board's file names.
 //!
-//! The run reports the chip's outputs ([`Plant::output`], [`Plant::serial_byte`]) and asks for its inputs
-//! ([`Plant::take_inputs`], [`Plant::voltages`], [`Plant::take_replies`]).
+//! The run reports the chip's outputs ([`Plant::output`], [`Plant::serial_byte`]) and asks for its
+//! inputs ([`Plant::take_inputs`], [`Plant::voltages`], [`Plant::take_replies`]).
 
 mod accelerometer;
 mod build;
@@ -141,7 +141,8 @@ pub struct Plant {
     roles: BTreeMap<Pin, Role>,
     inputs: Vec<(Pin, Source)>,
     driven: Vec<Option<Option<bool>>>,
-    /// Drivers in the order of the board's motors: x, y, z, e, then sockets that the firmware does not use.
+    /// Drivers in the order of the board's motors: x, y, z, e, then sockets that the
+    /// firmware does not use.
     pub drivers: Vec<Tmc2209>,
     /// Motors, axes, switches, probe.
     pub motion: Motion,
@@ -170,8 +171,8 @@ pub struct Plant {
     pub is_button_pressed: bool,
     /// There is a card in the slot: see [`crate::machine::Machine::insert_card`].
     pub(crate) is_card_inserted: bool,
-    /// Heat that the nozzle's filament takes, in joules per kelvin for each millimetre that its motor pushes; 0: none. A print of PLA of
-    /// 1.75 mm takes 0.0054.
+    /// Heat that the nozzle's filament takes, in joules per kelvin for each millimetre that its
+    /// motor pushes; 0: none. A print of PLA of 1.75 mm takes 0.0054.
     pub filament_j_per_k_mm: f64,
     filament: Filament,
     /// The supply of motors and heaters.
@@ -192,7 +193,8 @@ impl Plant {
         self.roles.contains_key(&pin)
     }
 
-    /// Follows an output pin; `None` when the chip stops driving it: then resistors switch drivers and heaters off.
+    /// Follows an output pin; `None` when the chip stops driving it: then resistors switch drivers
+    /// and heaters off.
     pub fn output(&mut self, now_ns: u64, pin: Pin, level: Option<bool>) {
         let Some(&role) = self.roles.get(&pin) else { return };
         match role {
@@ -225,7 +227,8 @@ impl Plant {
                     if motors & 1 << motor != 0
                         && let Some(driver) = self.drivers.get_mut(motor)
                     {
-                        // Boards pull EN high, which switches drivers off until the firmware switches them on.
+                        // Boards pull EN high, which switches drivers off until the firmware
+                        // switches them on.
                         driver.set_enable_pin(now_ns, level.unwrap_or(true));
                         self.energize(now_ns, motor);
                     }

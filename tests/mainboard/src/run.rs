@@ -11,7 +11,8 @@ use rigless::time::VirtualNanos;
 use crate::chip::Halt;
 use crate::machine::Machine;
 
-/// Length of a slice, ns: everything outside the chip advances once a slice, and at its own events in between.
+/// Length of a slice, ns: everything outside the chip advances once a slice, and at its own
+/// events in between.
 pub const SLICE_NS: u64 = 500_000;
 
 /// Decision of an operator about the run after its turn.
@@ -40,7 +41,8 @@ pub trait Operator: Send + 'static {
         false
     }
 
-    /// Receives the requested snapshot. It contains everything except the operator, which saves its own state.
+    /// Receives the requested snapshot. It contains everything except the operator, which
+    /// saves its own state.
     fn snapshot_taken(&mut self, snapshot: Result<Taken, snapshot::Error>) {
         let _ = snapshot;
     }
@@ -49,7 +51,8 @@ pub trait Operator: Send + 'static {
 /// Options of a run.
 #[derive(Debug, Default)]
 pub struct Options<'a> {
-    /// The address of the vector table, for an image after a boot loader; `None` for the start of flash.
+    /// The address of the vector table, for an image after a boot loader; `None` for
+    /// the start of flash.
     pub boot: Option<u64>,
     /// Serves GDB on this listener.
     pub debugger: Option<&'a TcpListener>,
@@ -85,8 +88,8 @@ pub struct Report {
     pub instructions: u64,
     /// Resets after the first start: instant (ns) and cause.
     pub resets: Vec<(u64, String)>,
-    /// Registers without a model that the firmware accessed, addresses without a device, accesses refused by a closed
-    /// clock gate, and interrupts without a line.
+    /// Registers without a model that the firmware accessed, addresses without a device, accesses
+    /// refused by a closed clock gate, and interrupts without a line.
     pub unmodelled: Vec<String>,
     /// Messages of models about states that their manual forbids or leaves open.
     pub told: Vec<String>,
@@ -200,8 +203,8 @@ pub fn run<O: Operator>(
     finish(session, &start, Runner::new(operator, images, options.boot))
 }
 
-/// Continues from a snapshot, on a machine built like the one in the snapshot. The run repeats the original one as long
-/// as the operator has the same state as then.
+/// Continues from a snapshot, on a machine built like the one in the snapshot. The run repeats the
+/// original one as long as the operator has the same state as then.
 ///
 /// # Errors
 /// The snapshot is of another machine or image, or the emulator failed.

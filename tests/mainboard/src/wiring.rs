@@ -1,7 +1,8 @@
-//! Reads what is connected to each pin from the board's file, and the printer around the board from the profile.
+//! Reads what is connected to each pin from the board's file, and the printer around the board
+//! from the profile.
 //!
-//! The firmware's build reads the same files with its own code, which this module does not use: if the build misreads a
-//! pin, this module still wires it correctly and the printer does not move.
+//! The firmware's build reads the same files with its own code, which this module does not use: if
+//! the build misreads a pin, this module still wires it correctly and the printer does not move.
 //!
 //! | File | Read by | Refused |
 //! |---|---|---|

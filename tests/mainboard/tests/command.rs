@@ -70,8 +70,8 @@ fn a_line_in_use_is_refused_by_name() {
     refused(&["serve", "--board", BUDDY], &["--pty"]);
 }
 
-/// A signal that asks the program to end removes its link: the next terminal of that number would be taken for a
-/// printer.
+/// A signal that asks the program to end removes its link: the next terminal of that number would
+/// be taken for a printer.
 #[test]
 fn a_signal_removes_the_line() {
     let link = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("printer");

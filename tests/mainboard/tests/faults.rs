@@ -1,4 +1,5 @@
-//! A sample of faults from outside: each fault in two states, compared with the documentation's promises.
+//! A sample of faults from outside: each fault in two states, compared with the
+//! documentation's promises.
 //!
 //! Thousands of them: `ferrostep-mainboard faults --count 10000`.
 #![allow(clippy::unwrap_used)]
@@ -17,7 +18,8 @@ use ferrostep_mainboard::parts::heat::HeaterFault;
 
 const BOARD: &str = "prusa-buddy";
 
-/// Two states for each fault: where it matters or, for faults that take minutes to be detected, where it does not.
+/// Two states for each fault: where it matters or, for faults that take minutes to be detected,
+/// where it does not.
 fn states(fault: Fault) -> [State; 2] {
     match fault {
         Fault::EndStop(_) | Fault::Probe(_) | Fault::InputStorm => [State::Homing, State::Printing],
@@ -50,7 +52,8 @@ fn of_part(part: usize) -> Vec<(&'static str, Fault, State)> {
     faults.flat_map(|(name, fault, _)| states(*fault).map(|state| (*name, *fault, state))).collect()
 }
 
-/// A fault and a state, with what must be seen of them: a campaign that injects nothing finds nothing.
+/// A fault and a state, with what must be seen of them: a campaign that injects
+/// nothing finds nothing.
 type Effect = (&'static str, State, fn(&Outcome) -> bool);
 const EFFECTS: [Effect; 5] = [
     ("nozzle-thermistor-open", State::Waiting, |seen| seen.host_read.contains("MINTEMP")),

@@ -1,8 +1,9 @@
-//! The shipped images on the virtual mainboard act as the desk rehearsed and as their boards demand.
+//! The shipped images on the virtual mainboard act as the desk rehearsed and as
+//! their boards demand.
 //!
-//! Everything runs in virtual time: on a busy computer a test takes longer, with the same result. `cargo xtask test`
-//! builds the images first and passes their folder in `FERROSTEP_IMAGES`; without it the tests use those of
-//! `target/images`, and build missing ones there.
+//! Everything runs in virtual time: on a busy computer a test takes longer, with the same result.
+//! `cargo xtask test` builds the images first and passes their folder in `FERROSTEP_IMAGES`;
+//! without it the tests use those of `target/images`, and build missing ones there.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod accelerometer;

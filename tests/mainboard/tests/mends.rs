@@ -1,9 +1,10 @@
-//! Hazards of `docs/src/hazards.md` that a chip can show, on the image as it is flashed: each test fails on an image
-//! from before the mend.
+//! Hazards of `docs/src/hazards.md` that a chip can show, on the image as it is flashed: each test
+//! fails on an image from before the mend.
 //!
-//! The image is `target/images/prusa-buddy/ferrostep.elf` of the repository (`cargo xtask firmware --board
-//! prusa-buddy`). To test an image of another time, set `FERROSTEP_IMAGE=ELF`, and `FERROSTEP_BOARD` and
-//! `FERROSTEP_PROFILE` to its board's and profile's files.
+//! The image is `target/images/prusa-buddy/ferrostep.elf` of the repository
+//! (`cargo xtask firmware --board prusa-buddy`). To test an image of another time, set
+//! `FERROSTEP_IMAGE=ELF`, and `FERROSTEP_BOARD` and `FERROSTEP_PROFILE` to its board's and
+//! profile's files.
 //!
 //!     cargo test --release mends::
 

@@ -1,9 +1,11 @@
-//! A second opinion that shares no code with the planner that it judges: a plain f64 planner and a reader of step traces.
+//! A second opinion that shares no code with the planner that it judges: a plain f64 planner and a
+//! reader of step traces.
 //!
-//! [`mod@reference`] reads G-code and plans it a second time, in floating point and without a limit on memory;
-//! [`trace`] reads the records that `ferrostep print --trace` writes; [`trace_check`] compares one with the other, and
-//! [`trace_ends`] counts whether every motor ends every move where it should. This crate depends on no other crate of
-//! Ferrostep: they share only the written interface.
+//! [`mod@reference`] reads G-code and plans it a second time, in floating point and without a
+//! limit on memory; [`trace`] reads the records that `ferrostep print --trace` writes;
+//! [`trace_check`] compares one with the other, and [`trace_ends`] counts whether every motor ends
+//! every move where it should. This crate depends on no other crate of Ferrostep: they share only
+//! the written interface.
 #![deny(missing_docs)]
 #![forbid(unsafe_code)]
 

@@ -208,7 +208,8 @@ impl<R: Read> TraceReader<R> {
         }
         match kind {
             0 => {
-                // The header names at most eight axes, so that the shift stays inside the mask's type.
+                // The header names at most eight axes, so that the shift stays inside
+                // the mask's type.
                 let known = u8::MAX >> 8usize.saturating_sub(self.header.axes.len());
                 if axes == 0 || axes & !known != 0 {
                     return Err(TraceError::BadAxes { axes, offset });

@@ -1,11 +1,12 @@
 //! A step trace against the G-code and the profile it came from.
 //!
-//! Four things are checked: the digests are computed again; at each end of a move every motor must be exactly at the
-//! position of the definitions; within a block no motor may leave the time law of the reference plan by more than a
-//! step; and events keep their distance and axes their limits, in corners as well.
+//! Four things are checked: the digests are computed again; at each end of a move every motor must
+//! be exactly at the position of the definitions; within a block no motor may leave the time law of
+//! the reference plan by more than a step; and events keep their distance and axes their limits, in
+//! corners as well.
 //!
-//! A block is the part between two ends of moves. If it is not one straight move (an arc, a firmware retraction), its
-//! end position is checked, but not its law.
+//! A block is the part between two ends of moves. If it is not one straight move (an arc, a
+//! firmware retraction), its end position is checked, but not its law.
 
 mod axis_limits;
 mod corners;
@@ -55,8 +56,8 @@ pub struct TraceCheckOptions {
     pub duration_tolerance: f64,
     /// Maximum distance of a motor from its law beyond one step and joined events, in steps.
     pub law_tolerance_steps: f64,
-    /// Maximum further distance of the two motors of X and Y, in steps: some methods step them pulse by pulse along the
-    /// axes, not each by its own law.
+    /// Maximum further distance of the two motors of X and Y, in steps: some methods step them
+    /// pulse by pulse along the axes, not each by its own law.
     pub plane_tolerance_steps: f64,
     /// Maximum number of findings that the report keeps; all are counted.
     pub findings_kept: usize,
@@ -104,10 +105,12 @@ impl fmt::Display for TraceCheckError {
 
 impl std::error::Error for TraceCheckError {}
 
-/// Checks a whole trace. Findings are in the report; an error means that the trace cannot be checked at all.
+/// Checks a whole trace. Findings are in the report; an error means that the trace cannot
+/// be checked at all.
 ///
 /// # Errors
-/// [`TraceCheckError`] if the trace or the G-code cannot be read or the trace is of another machine.
+/// [`TraceCheckError`] if the trace or the G-code cannot be read or the trace is of
+/// another machine.
 pub fn check_trace<R: Read>(
     trace: R,
     gcode: &[u8],
@@ -281,8 +284,8 @@ impl Checker<'_> {
         self.events.clear();
     }
 
-    /// Chooses the limits for the next moves. Windows of speed do not reach over a change of limits. A retraction
-    /// leaves no record, so that limits may change between two records.
+    /// Chooses the limits for the next moves. Windows of speed do not reach over a change of
+    /// limits. A retraction leaves no record, so that limits may change between two records.
     fn choose_limits(&mut self) {
         let rest = self.job.moves.get(self.next_move..).unwrap_or_default();
         let group = rest.split_inclusive(|one| one.kind.ends_with_a_record()).next().unwrap_or_default();
@@ -375,7 +378,8 @@ impl Checker<'_> {
         if measured_ticks == 0 {
             return;
         }
-        // X, Y, Z blocks are made of whole steps; the extruder keeps its fraction from block to block.
+        // X, Y, Z blocks are made of whole steps; the extruder keeps its fraction
+        // from block to block.
         let mut ideal_start = self.block_start.map(|steps| steps as f64);
         let mut ideal_end = self.motors.map(|steps| steps as f64);
         ideal_start[3] = self.scale.extruder(one.extruder_start).exact;

@@ -1,6 +1,8 @@
-//! Positions of the motors at each move's end, counted step by step from a trace, against those of the definitions.
+//! Positions of the motors at each move's end, counted step by step from a trace, against those of
+//! the definitions.
 //!
-//! Uses the text, the profile and the trace, but no planner and no time law: a difference means lost steps.
+//! Uses the text, the profile and the trace, but no planner and no time law: a difference
+//! means lost steps.
 
 use crate::reference::{InterpretOptions, MotorScale, ReferenceProfile, interpret};
 use crate::trace::{Record, TraceReader};

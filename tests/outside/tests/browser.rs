@@ -1,6 +1,8 @@
-//! Chromium, driven by Python, loads the pages of `show`, `compare` and `serve --web`, and takes their pictures.
+//! Chromium, driven by Python, loads the pages of `show`, `compare` and `serve --web`, and
+//! takes their pictures.
 //!
-//! The browser is the first on the path, or `FERROSTEP_CHROMIUM`; its driver is among the hosts of `FERROSTEP_HOSTS`.
+//! The browser is the first on the path, or `FERROSTEP_CHROMIUM`; its driver is among the hosts of
+//! `FERROSTEP_HOSTS`.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 

@@ -1,5 +1,5 @@
-//! Tests that need programs from outside, which cargo does not bring. `cargo xtask test` installs them and runs all of these; a
-//! test whose program is missing fails and says how to get it.
+//! Tests that need programs from outside, which cargo does not bring. `cargo xtask test` installs
+//! them and runs all of these; a test whose program is missing fails and says how to get it.
 //!
 //! | module | needs |
 //! |---|---|

@@ -79,7 +79,8 @@ fn what_is_written_is_read_by_mtools_and_leaves_a_sound_volume() {
         let read = run("mtype", "mtools", &["-i", &device, "::/NEW.GCO"]);
         assert!(read.status.success(), "{read:?}");
         assert_eq!(read.stdout, long[..700]);
-        // Without repairing anything, fsck.fat finds nothing lost and nothing shared; only the names of deleted files.
+        // Without repairing anything, fsck.fat finds nothing lost and nothing shared; only the
+        // names of deleted files.
         std::fs::write(&volume, &written[offset..]).unwrap();
         let check = run(fsck(), "dosfstools", &["-n", volume.to_str().unwrap()]);
         let text = String::from_utf8_lossy(&check.stdout);

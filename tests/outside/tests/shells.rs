@@ -1,4 +1,5 @@
-//! Completions and manual pages as others read them: bash completes by its script, groff has nothing to complain of.
+//! Completions and manual pages as others read them: bash completes by its script, groff has
+//! nothing to complain of.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::io::Write;

@@ -1,6 +1,8 @@
-//! PrusaSlicer and CuraEngine slice with the printers of `examples/slicers/`, and the jobs print to their end without remarks.
+//! PrusaSlicer and CuraEngine slice with the printers of `examples/slicers/`, and the jobs print to
+//! their end without remarks.
 //!
-//! `cargo xtask test` installs both, where it can, and names the folder of Cura's definitions in `FERROSTEP_CURA`.
+//! `cargo xtask test` installs both, where it can, and names the folder of Cura's definitions in
+//! `FERROSTEP_CURA`.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::path::{Path, PathBuf};
@@ -66,7 +68,8 @@ fn prusa_slicer_slices_a_cube_for_every_machine_and_it_prints() {
     let bundle = bundle();
     let scratch = scratch();
     for (name, _, profile) in MACHINES {
-        // The command takes one flat file of settings: the presets of the window make the same file.
+        // The command takes one flat file of settings: the presets of the window
+        // make the same file.
         let presets = ["print:0.20 mm - Ferrostep", "filament:PLA - Ferrostep", &format!("printer:{name}")]
             .map(|section| &bundle[section]);
         let settings: String = presets.into_iter().flatten().map(|(key, value)| format!("{key} = {value}\n")).collect();
@@ -125,7 +128,8 @@ fn cura_engine_slices_a_cube_for_every_machine_and_it_prints() {
         let mut slice = Command::new("CuraEngine");
         slice.env("CURA_ENGINE_SEARCH_PATH", &search).args(["slice", "-v"]);
         slice.arg("-j").arg(ours.join(format!("definitions/{file}.def.json")));
-        // Cura's window fills in the start code and works out these settings; the engine alone does neither.
+        // Cura's window fills in the start code and works out these settings; the engine
+        // alone does neither.
         for key in ["machine_start_gcode", "machine_end_gcode"] {
             let code = definition["overrides"][key]["default_value"].as_str().unwrap();
             let code = code
@@ -147,8 +151,8 @@ fn cura_engine_slices_a_cube_for_every_machine_and_it_prints() {
         slice.arg("-o").arg(&sliced).arg("-e0").arg("-l").arg(folder().join("cube.stl"));
         let said = run(&mut slice, "cura-engine");
         let result = print(&sliced, profile);
-        // The engine says the figure at its end; the file begins with that of a print of nothing, which Cura's window
-        // replaces. The purge line, and 2 mm back at the end.
+        // The engine says the figure at its end; the file begins with that of a print of nothing,
+        // which Cura's window replaces. The purge line, and 2 mm back at the end.
         let filament_mm = number_after(&said, ";Filament used: ") * 1000.0 + 21.5 - 2.0;
         let ours_mm = result["filament_mm"].as_f64().unwrap();
         assert!((ours_mm - filament_mm).abs() < 0.01 * filament_mm, "{name}: {ours_mm} mm, the slicer {filament_mm}");

@@ -1,9 +1,10 @@
-//! Number of cases that the tests of all crates try: random cases of a property, and a run's share of a long sweep.
-//! Also the sources for searches beyond properties: [`Random`] numbers, and [`SlicerBlocks`] made of them.
+//! Number of cases that the tests of all crates try: random cases of a property, and a run's share
+//! of a long sweep. Also the sources for searches beyond properties: [`Random`] numbers, and
+//! [`SlicerBlocks`] made of them.
 //!
-//! A property that sets no number tries proptest's 256 cases, or the number in `PROPTEST_CASES`. A number that a test
-//! sets itself would win over the variable; [`cases`] lets the variable scale it instead, so that a cheap property
-//! keeps trying more than an expensive one.
+//! A property that sets no number tries proptest's 256 cases, or the number in `PROPTEST_CASES`. A
+//! number that a test sets itself would win over the variable; [`cases`] lets the variable scale it
+//! instead, so that a cheap property keeps trying more than an expensive one.
 //!
 //! A sweep too long for every run tries [`share_of`] its cases: `FERROSTEP_SHARE` says which share.
 #![forbid(unsafe_code)]
@@ -21,8 +22,8 @@ use proptest::test_runner::Config;
 /// Cases of a property that sets no number, unless `PROPTEST_CASES` is set.
 const USUAL: u64 = 256;
 
-/// Proptest's configuration with `count` cases, times `PROPTEST_CASES` / 256 where that is set. The seed is that of
-/// `PROPTEST_RNG_SEED`, and failures are kept beside the tests, as everywhere.
+/// Proptest's configuration with `count` cases, times `PROPTEST_CASES` / 256 where that is set. The
+/// seed is that of `PROPTEST_RNG_SEED`, and failures are kept beside the tests, as everywhere.
 ///
 /// ```
 /// use ferrostep_random_cases::cases;

@@ -10,7 +10,8 @@ use crate::cases;
 /// Tells the tests their share: `K/N` with K below N, or `all`.
 pub const VARIABLE: &str = "FERROSTEP_SHARE";
 
-/// The share of a run that was not told one: always the same, so that a failure is caused by the change.
+/// The share of a run that was not told one: always the same, so that a failure is
+/// caused by the change.
 const USUAL: Share = Share { index: 0, of: 20 };
 
 /// Random cases that a property tries even in the smallest share.
@@ -18,8 +19,9 @@ const FEWEST_CASES: u32 = 8;
 
 /// One of `of` shares of a sweep.
 ///
-/// Cases are dealt out in rounds of one to each share, and each round begins one share later than the round before. So a
-/// share's cases are `of` - 1 apart, and it gets even and odd ones: a sweep often alternates between kinds.
+/// Cases are dealt out in rounds of one to each share, and each round begins one share later than
+/// the round before. So a share's cases are `of` - 1 apart, and it gets even and odd ones: a sweep
+/// often alternates between kinds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Share {
     index: u64,
@@ -51,10 +53,11 @@ impl Share {
         (share.index < share.of).then_some(share)
     }
 
-    /// The share's cases of `total`, in order. A sweep of fewer cases than shares has some in several shares, so that no
-    /// share is empty.
+    /// The share's cases of `total`, in order. A sweep of fewer cases than shares has some in
+    /// several shares, so that no share is empty.
     ///
-    /// If the test panics in one of them, a line names the case and the command that repeats it alone.
+    /// If the test panics in one of them, a line names the case and the command that
+    /// repeats it alone.
     pub fn cases(self, total: u64) -> SharedCases {
         let index = if total < self.of { self.index % total.max(1) } else { self.index };
         let test = thread::current().name().unwrap_or_default().to_owned();
@@ -122,8 +125,9 @@ pub fn share_of(total: u64) -> SharedCases {
     Share::of_this_run().cases(total)
 }
 
-/// Proptest's configuration with this run's share of `count` random cases, scaled as by [`cases`]. Each share has a seed of
-/// its own, so that N runs in turn try `count` different cases; all of them at once have the seed of `PROPTEST_RNG_SEED`.
+/// Proptest's configuration with this run's share of `count` random cases, scaled as by [`cases`].
+/// Each share has its own seed, so that N runs in turn try `count` different cases; all of
+/// them at once have the seed of `PROPTEST_RNG_SEED`.
 pub fn share_of_cases(count: u32) -> Config {
     let (share, whole) = (Share::of_this_run(), cases(count));
     Config { cases: portion(whole.cases, share), rng_seed: seed(whole.rng_seed, share), ..whole }

@@ -1,4 +1,5 @@
-//! Random blocks as slicers make them, in plain numbers: the planner's own tests use them, so they know nothing of the planner.
+//! Random blocks as slicers make them, in plain numbers: the planner's own tests use them, so they
+//! know nothing of the planner.
 
 use crate::Random;
 
@@ -19,7 +20,8 @@ pub struct SlicerBlock {
     pub corner_mm_per_s: f64,
 }
 
-/// Blocks as slicers make them: stretches of equal ones with some that differ, and corners of all kinds.
+/// Blocks as slicers make them: stretches of equal ones with some that differ, and
+/// corners of all kinds.
 #[derive(Clone, Debug)]
 pub struct SlicerBlocks {
     length_mm: f64,

@@ -1,9 +1,11 @@
-//! The board in virtual time: the firmware's own parts, and a clock that advances with work and waiting.
+//! The board in virtual time: the firmware's own parts, and a clock that advances with
+//! work and waiting.
 //!
-//! G-code executor, planner, look-ahead ring, step queue, step interrupt and emergency stop are those that the firmware
-//! runs. The model adds the parts of RTIC and the processor: the step interrupt comes at each update of its timer, whatever
-//! else runs; the planner task every 2 ms and after each move; the executor in the remaining time. The speed of the host and
-//! the cost of work can be chosen.
+//! G-code executor, planner, look-ahead ring, step queue, step interrupt and emergency stop are
+//! those that the firmware runs. The model adds the parts of RTIC and the processor: the step
+//! interrupt comes at each update of its timer, whatever else runs; the planner task every 2 ms
+//! and after each move; the executor in the remaining time. The speed of the host and the cost of
+//! work can be chosen.
 
 mod host_line;
 mod impatience;
@@ -89,7 +91,8 @@ pub struct StopReport {
     pub stepped_after: bool,
 }
 
-/// Runs `job` with a board that has just been switched on, with a look-ahead ring of this many blocks.
+/// Runs `job` with a board that has just been switched on, with a look-ahead ring of
+/// this many blocks.
 pub fn with_board<M: Stepping, T>(
     profile: &Profile,
     look_ahead: usize,
@@ -151,8 +154,8 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.clock.advance_to(to_ns(self.now()));
     }
 
-    /// Does a portion of the planner's work; returns whether there is more. The positions after a stop are noted before
-    /// anything else happens.
+    /// Does a portion of the planner's work; returns whether there is more. The positions after a
+    /// stop are noted before anything else happens.
     fn work(&self, silence: Silence) -> bool {
         let mut machine = self.machine.borrow_mut();
         let stops = machine.stops();
@@ -245,7 +248,8 @@ impl<'a, M: Stepping> Board<'a, M> {
         }
     }
 
-    /// Prints the lines of a text as they arrive, then waits in silence until all motion has ended, as after a host's file.
+    /// Prints the lines of a text as they arrive, then waits in silence until all motion has ended,
+    /// as after a host's file.
     ///
     /// # Errors
     /// The number of the line that was refused, with the reason.
@@ -263,8 +267,8 @@ impl<'a, M: Stepping> Board<'a, M> {
         Ok(())
     }
 
-    /// Lets M108, M112 or M410 come at a cycle; the interrupt that receives it acts on it, whatever the tasks do. The
-    /// caller sends the line itself.
+    /// Lets M108, M112 or M410 come at a cycle; the interrupt that receives it acts on it, whatever
+    /// the tasks do. The caller sends the line itself.
     pub fn act_at(&self, cycle: u64, emergency: Emergency) {
         self.interrupts.act_at(cycle, emergency);
     }

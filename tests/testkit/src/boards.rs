@@ -1,4 +1,5 @@
-//! The boards as their makers describe them, written down a second time, to be compared with the images.
+//! The boards as their makers describe them, written down a second time, to be compared
+//! with the images.
 #![allow(clippy::unwrap_used, reason = "a name that is none is a mistake in this file")]
 
 /// A pin: its port's letter and its number.

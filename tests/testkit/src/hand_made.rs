@@ -4,7 +4,8 @@ use ferrostep_gpre::compact::FrameWriter;
 use ferrostep_gpre::{Coordinate, Encoding, EntrySpeed, Header, Item, ModalState, PreparedMove, SquaredSpeed};
 use ferrostep_planner::PLANNER_VERSION;
 
-/// A job of moves along X, with these lengths in mm and planned speeds, on a machine that is homed first. Each is a frame.
+/// A job of moves along X, with these lengths in mm and planned speeds, on a machine that is homed
+/// first. Each is a frame.
 pub fn job(profile_hash: u64, moves: &[(i64, EntrySpeed)]) -> Vec<u8> {
     let mut frames = Vec::new();
     let mut writer = FrameWriter::new([0; 3], ModalState::START);

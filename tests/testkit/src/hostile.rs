@@ -1,7 +1,8 @@
-//! Programs that no slicer writes: moves of half a micrometre to a third of a millimetre, in lines and curves, at all
-//! speeds, on machines of any resolution.
+//! Programs that no slicer writes: moves of half a micrometre to a third of a millimetre, in lines
+//! and curves, at all speeds, on machines of any resolution.
 //!
-//! Each is made from a number, so that a program that once failed can be made again. This module does not use the planner.
+//! Each is made from a number, so that a program that once failed can be made again. This module
+//! does not use the planner.
 
 use std::fmt::Write as _;
 

@@ -1,8 +1,8 @@
-//! Any bytes as a conversation with the board in virtual time: nasty but grammatical lines, raw bytes, silences, and
-//! M108, M112 and M410 at any moment.
+//! Any bytes as a conversation with the board in virtual time: nasty but grammatical lines, raw
+//! bytes, silences, and M108, M112 and M410 at any moment.
 //!
-//! The printer must answer any input without a panic, and the motors must be where the machine and the G-code believe
-//! them to be.
+//! The printer must answer any input without a panic, and the motors must be where the machine and
+//! the G-code believe them to be.
 
 use arbitrary::Unstructured;
 use ferrostep_gcode::{Command, Emergency, EmergencyScanner, LineReader, parse};
@@ -46,7 +46,8 @@ struct Talk<'b, 'a, M: Stepping> {
     host: Host,
     reader: LineReader,
     scanner: EmergencyScanner,
-    /// Position of the X, Y and Z motors by their signals when the machine has them at 0; homing sets it again.
+    /// Position of the X, Y and Z motors by their signals when the machine has them at 0;
+    /// homing sets it again.
     zero_steps: [i64; 3],
     /// True if homing has set it since the last look.
     has_homed: bool,
@@ -238,13 +239,14 @@ fn talk<M: Stepping>(profile: &Profile, bounds: Bounds, look_ahead: usize, bytes
 /// Makes a conversation of any bytes with a board of this machine, on one of the kinds of boards.
 ///
 /// # Panics
-/// If the printer panics, does not answer, or is wrong about its motors; the message contains the conversation.
+/// If the printer panics, does not answer, or is wrong about its motors; the message contains
+/// the conversation.
 pub fn live_machine(profile: &Profile, bytes: &[u8]) {
     converse(profile, LIFE_SIZE, bytes);
 }
 
-/// Converses as [`live_machine`] does, but briefly, with a machine from [`small`]: a hundred times as many
-/// conversations in the same time.
+/// Converses as [`live_machine`] does, but briefly, with a machine from [`small`]: a hundred times
+/// as many conversations in the same time.
 ///
 /// # Panics
 /// As [`live_machine`].
@@ -255,8 +257,8 @@ pub fn small_machine(profile: &Profile, bytes: &[u8]) {
 /// Edge of a small machine, units of 10 nm: 20 mm.
 const SMALL_10NM: i64 = 2_000_000;
 
-/// Makes a machine a tenth of this one in size, a sixteenth in steps/mm, and far faster, so that every action takes
-/// milliseconds and few steps.
+/// Makes a machine a tenth of this one in size, a sixteenth in steps/mm, and far faster, so that
+/// every action takes milliseconds and few steps.
 pub fn small(profile: &Profile) -> Profile {
     let mut small = *profile;
     small.size_10nm = [SMALL_10NM; 3];

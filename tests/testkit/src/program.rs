@@ -7,7 +7,8 @@ use std::sync::OnceLock;
 
 use tempfile::TempDir;
 
-/// The command, built with the profile and into the directory of this test; Cargo rebuilds it if it is stale.
+/// The command, built with the profile and into the directory of this test; Cargo rebuilds
+/// it if it is stale.
 ///
 /// # Panics
 /// The command cannot be built.
@@ -43,8 +44,8 @@ pub fn scratch() -> TempDir {
     tempfile::tempdir_in(folder).unwrap()
 }
 
-/// Sends a signal, by its name without `SIG`, to a process. The shell does it, because a program `kill` does not exist
-/// everywhere.
+/// Sends a signal, by its name without `SIG`, to a process. The shell does it, because a program
+/// `kill` does not exist everywhere.
 ///
 /// # Panics
 /// The process does not exist.

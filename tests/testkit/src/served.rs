@@ -1,4 +1,5 @@
-//! The printer of `ferrostep serve`, its hosts and its page; and the report of `print` on the same lines.
+//! The printer of `ferrostep serve`, its hosts and its page; and the report of `print`
+//! on the same lines.
 #![allow(clippy::unwrap_used, reason = "without the program no test can say anything")]
 
 pub mod page;

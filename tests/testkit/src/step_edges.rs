@@ -1,8 +1,9 @@
-//! The edges that a trace's steps make on the pins of a board whose step interrupt is as late as it may be.
+//! The edges that a trace's steps make on the pins of a board whose step interrupt is as
+//! late as it may be.
 //!
-//! Every step event becomes a separate slot, the slowest case for the interrupt. It is played on the timer's model with
-//! preload: the interrupt comes right after the update or as late as it can, by chance, so that neighbouring edges come
-//! as near each other as possible.
+//! Every step event becomes a separate slot, the slowest case for the interrupt. It is played on
+//! the timer's model with preload: the interrupt comes right after the update or as late as it can,
+//! by chance, so that neighbouring edges come as near each other as possible.
 
 use std::cell::Cell;
 

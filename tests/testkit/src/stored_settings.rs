@@ -41,7 +41,8 @@ impl Replies for Said {
     }
 }
 
-/// A flash with these bytes; or, if the first is odd, with a record of values that are in them, most by names that exist.
+/// A flash with these bytes; or, if the first is odd, with a record of values that are in them,
+/// most by names that exist.
 fn memory(profile: &Profile, bytes: &[u8]) -> Memory {
     let mut flash = vec![0xff; BYTES];
     let (kind, rest) = bytes.split_first().unwrap_or((&0, &[]));
@@ -54,7 +55,8 @@ fn memory(profile: &Profile, bytes: &[u8]) -> Memory {
     let mut record = RecordWriter::new(profile.name);
     for [name, index, value @ ..] in rest.as_chunks::<6>().0 {
         let id = names.get(usize::from(*name)).map_or(u16::from(*name), |name| id_of(name));
-        // A few bits give many values: of both signs, of all magnitudes, infinite, and not a number.
+        // A few bits give many values: of both signs, of all magnitudes, infinite,
+        // and not a number.
         let value = f64::from(f32::from_le_bytes(*value));
         record.add(Entry { id, index: *index, value });
     }
@@ -62,8 +64,9 @@ fn memory(profile: &Profile, bytes: &[u8]) -> Memory {
     memory
 }
 
-/// Switches a machine on with any bytes in its memory. Its settings are always such as commands set: M503's report is
-/// accepted when it is sent back, and changes nothing; and M500 stores the settings so that they are the same again.
+/// Switches a machine on with any bytes in its memory. Its settings are always such as commands
+/// set: M503's report is accepted when it is sent back, and changes nothing; and M500 stores the
+/// settings so that they are the same again.
 ///
 /// # Panics
 /// One of these does not hold.

@@ -1,7 +1,7 @@
 //! A print that needs more lines a second than any other: moves of 0.05 mm at 300 mm/s.
 //!
-//! Rounds of a spiral, whose curvature changes slowly, and straight runs between them, all with extrusion. The file is
-//! long, and made anew for each use.
+//! Rounds of a spiral, whose curvature changes slowly, and straight runs between them, all with
+//! extrusion. The file is long, and made anew for each use.
 
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -28,11 +28,12 @@ const TURNS: f64 = 7.0;
 /// Filament of 1.75 mm for a line 0.4 mm wide and 0.2 mm high, mm for a mm of path.
 const FILAMENT_PER_MM: f64 = 0.4 * 0.2 / (TAU / 8.0 * 1.75 * 1.75);
 
-/// The file with this many moves: in each line an absolute position with this many decimals, and filament with five. A preamble
-/// lets it be printed cold, from the machine's present place.
+/// The file with this many moves: in each line an absolute position with this many decimals, and
+/// filament with five. A preamble lets it be printed cold, from the machine's present place.
 ///
-/// With three decimals, as slicers write them, rounding makes corners of a hundredth of a radian between such pieces, and no
-/// planner that rounds corners within the pieces takes them at full speed. With five decimals it does.
+/// With three decimals, as slicers write them, rounding makes corners of a hundredth of a radian
+/// between such pieces, and no planner that rounds corners within the pieces takes them at full
+/// speed. With five decimals it does.
 pub fn stress_file(pieces: u32, decimals: usize) -> String {
     let mut file = File { text: preamble(), at: [0.0; 2], left: pieces, decimals };
     file.print();

@@ -32,7 +32,8 @@ fn g29_reports_the_sheet() {
     assert_eq!(done.line("echo:Fade Height "), "10.00");
 }
 
-/// M420 in mid-print does not move anything: the coordinates change, and the next line goes to its height above the sheet.
+/// M420 in mid-print does not move anything: the coordinates change, and the next line goes to its
+/// height above the sheet.
 #[test]
 fn switching_does_not_jump() {
     let machine = profile(TILTED);
@@ -58,7 +59,8 @@ fn switching_does_not_jump() {
     assert!(near(again.place_mm()[2] - sheet, 1.0), "{:?}", again.place_mm());
 }
 
-/// Commands other than moves keep the nozzle's height above the sheet: lines, the height and Z as it is reported, mm.
+/// Commands other than moves keep the nozzle's height above the sheet: lines, the height and Z as
+/// it is reported, mm.
 #[test]
 fn other_commands_keep_the_height_above_the_sheet() {
     let machine = profile(TILTED);
@@ -135,7 +137,8 @@ fn the_correction_fades() {
     assert!(near(done.place_mm()[2], 5.0 + home + (sheet - home) * 0.75), "{:?}", done.place_mm());
 }
 
-/// G30 reports the place of the probe and the sheet's height there; the probe's offset is in neither.
+/// G30 reports the place of the probe and the sheet's height there; the probe's
+/// offset is in neither.
 #[test]
 fn g30_reports_one_place() {
     let machine = profile(TILTED);
@@ -151,7 +154,8 @@ fn g30_reports_one_place() {
     assert!(near(run(&machine, ["G28", "G30"]).well().line("Bed X: 100.00 Y: 100.00 Z: ").parse().unwrap(), 0.0));
 }
 
-/// Another M851 moves home, and the heights of the mesh with it: the nozzle's height above the sheet stays.
+/// Another M851 moves home, and the heights of the mesh with it: the nozzle's height above
+/// the sheet stays.
 #[test]
 fn the_sum_of_mesh_and_probe_offset_is_right() {
     let machine = profile(TILTED);
@@ -178,12 +182,13 @@ fn m421_sets_a_point() {
     }
 }
 
-/// A stop in mid-move leaves the correction where the motors are: Z's coordinate is that of the plan, and the next line
-/// continues at its height above the sheet.
+/// A stop in mid-move leaves the correction where the motors are: Z's coordinate is that of the
+/// plan, and the next line continues at its height above the sheet.
 #[test]
 fn a_stop_in_mid_move_keeps_the_height() {
     let machine = profile(TILTED);
-    // More moves than the look-ahead ring holds: when the last of them is taken, the machine is among them.
+    // More moves than the look-ahead ring holds: when the last of them is taken, the
+    // machine is among them.
     let moves: Vec<String> =
         (0..400).map(|index| format!("G1 X{} Y{} F9000", index / 2, if index % 2 == 0 { 10 } else { 190 })).collect();
     let mut lines = vec!["G28", "G29", "G1 X0 Y0 Z1 F6000"];
@@ -215,8 +220,8 @@ fn z_stays_below_its_upper_end() {
     assert!(done.place_mm()[2] - sheet_mm(&machine, [100.0, 100.0]) <= top, "{:?}", done.place_mm());
 }
 
-/// A machine whose axes are skew: the mesh is measured and followed along its axes, also after the skew was set later.
-/// G30 goes to a place of the G-code and reports that.
+/// A machine whose axes are skew: the mesh is measured and followed along its axes, also after the
+/// skew was set later. G30 goes to a place of the G-code and reports that.
 #[test]
 fn a_skew_machine_follows_its_bed() {
     let skew = "[skew]\nxy.factor = 0.05\nyz.factor = -0.02\n";

@@ -1,5 +1,5 @@
-//! The ends of the bed: a machine that homes by stall is some hundredths beside the place that it counts, and still
-//! finds the sheet there.
+//! The ends of the bed: a machine that homes by stall is some hundredths beside the place that it
+//! counts, and still finds the sheet there.
 
 use ferrostep_printer::Profile;
 

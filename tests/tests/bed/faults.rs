@@ -66,7 +66,8 @@ fn a_mesh_that_is_missing_is_told() {
     }
 }
 
-/// Probes that do not trigger, are triggered at once, or scatter: each is reported by name and place, and leaves no mesh.
+/// Probes that do not trigger, are triggered at once, or scatter: each is reported by name and
+/// place, and leaves no mesh.
 #[test]
 fn a_probe_that_fails() {
     for (sheet, says, place) in [

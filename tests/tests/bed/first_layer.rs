@@ -5,14 +5,16 @@ use std::io::Read;
 use super::rig::{Done, profile, run, sheet_mm};
 use ferrostep_printer::Profile;
 
-/// A sheet of 200 mm that rises by 1 mm to the right, falls by 0.6 mm to the back, and whose middle is 1 mm above its corners.
+/// A sheet of 200 mm that rises by 1 mm to the right, falls by 0.6 mm to the back, and whose middle
+/// is 1 mm above its corners.
 const SHEET: &str = "[mesh.sheet]\ntilt_mm = { x = 1, y = -0.6 }\nbend_mm = 1\n";
 
 fn bent(points: u8) -> Profile {
     profile(&format!("[mesh]\npoints = {{ x = {points}, y = {points} }}\nfade_mm = 0\ndepth_mm = 2\n{SHEET}"))
 }
 
-/// Smallest and largest gap between nozzle and sheet at the steps of the extruder after `from_tick`, mm.
+/// Smallest and largest gap between nozzle and sheet at the steps of the extruder after
+/// `from_tick`, mm.
 fn gaps(profile: &Profile, done: &Done, from_tick: u64) -> [f64; 2] {
     let pushed = done.steps.iter().filter(|step| step.pushes && step.tick > from_tick);
     let gap = |[x, y, z]: [f64; 3]| z - sheet_mm(profile, [x, y]);
@@ -25,8 +27,8 @@ fn gaps(profile: &Profile, done: &Done, from_tick: u64) -> [f64; 2] {
     ends
 }
 
-/// The lines of the first layer of a sliced file, as the slicer has written them: without those that heat and home, and without
-/// the moves before its first line.
+/// The lines of the first layer of a sliced file, as the slicer has written them: without those
+/// that heat and home, and without the moves before its first line.
 fn first_layer(name: &str) -> Vec<String> {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples").join(name);
     let mut text = String::new();
@@ -72,8 +74,8 @@ fn the_gap_is_as_asked_from_edge_to_edge() {
     assert!(least > 0.18 && most < 0.22, "gap {least:.4} to {most:.4} mm");
 }
 
-/// A coarse mesh leaves the gap as far off as the sheet is from the straight lines between its points: this shows that
-/// the test above would see an error.
+/// A coarse mesh leaves the gap as far off as the sheet is from the straight lines between its
+/// points: this shows that the test above would see an error.
 #[test]
 fn a_coarse_mesh_is_seen() {
     let machine = bent(3);
@@ -83,8 +85,8 @@ fn a_coarse_mesh_is_seen() {
     assert!(least < 0.2 && most - least > 0.1 && most < 0.2 + 0.26, "gap {least:.4} to {most:.4} mm");
 }
 
-/// Curves through four by four points on the bent sheet leave a tenth of the gap that straight lines leave, over a
-/// whole first layer of a real file.
+/// Curves through four by four points on the bent sheet leave a tenth of the gap that straight
+/// lines leave, over a whole first layer of a real file.
 #[test]
 fn curves_through_few_points_fit_the_sheet() {
     let layer = first_layer("four-cubes-labelled.gcode.gz");
@@ -102,7 +104,8 @@ fn curves_through_few_points_fit_the_sheet() {
     assert!(straight > 0.05 && curved < 0.012, "{straight} mm, {curved} mm");
 }
 
-/// X, Y and the extruder step when they would without the mesh, to the tick: Z's limits do not bind on such a bed.
+/// X, Y and the extruder step when they would without the mesh, to the tick: Z's limits do not
+/// bind on such a bed.
 #[test]
 fn x_y_and_the_extruder_keep_their_steps() {
     let machine = bent(11);

@@ -34,7 +34,8 @@ fn play(profile: &Profile, lines: &[&str], job: &[u8]) -> Result<(), String> {
     played.map_err(|error| error.to_string())
 }
 
-/// A prepared job brings its own heights: it is refused while a mesh is on, and so is a file that would switch one on.
+/// A prepared job brings its own heights: it is refused while a mesh is on, and so is a file that
+/// would switch one on.
 #[test]
 fn a_prepared_job_follows_no_mesh() {
     let machine = profile("[mesh]\npoints = { x = 2, y = 2 }\n[mesh.sheet]\ntilt_mm = { x = 0.5, y = 0 }\n");

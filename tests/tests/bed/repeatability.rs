@@ -2,7 +2,8 @@
 
 use super::rig::{profile, run};
 
-/// Approaches end anywhere within 0.05 mm of the sheet, all places alike: their standard deviation is 0.05 mm / sqrt(3).
+/// Approaches end anywhere within 0.05 mm of the sheet, all places alike: their standard deviation
+/// is 0.05 mm / sqrt(3).
 #[test]
 fn the_deviation_is_that_of_the_probe() {
     let machine = profile("[mesh]\n[mesh.sheet]\nscatter_mm = 0.05\n");

@@ -41,7 +41,8 @@ fn machine(mesh: &str, is_round: bool) -> Profile {
     for (from, to) in [
         ("[homing.x]", homing.as_str()),
         ("[homing.z]\nend = \"min\"\nsensor = \"end-stop\"", "[homing.z]\nend = \"min\"\nsensor = \"probe\""),
-        // Room for the probe, which is 20 mm to the left of and 10 mm behind the nozzle, to reach all of the bed.
+        // Room for the probe, which is 20 mm to the left of and 10 mm behind the nozzle, to
+        // reach all of the bed.
         ("size_mm = { x = 200,", "size_mm = { x = 220,"),
         ("\nsteps_per_mm", "\nlower_end_mm = { x = 0, y = -10, z = 0 }\nsteps_per_mm"),
         (

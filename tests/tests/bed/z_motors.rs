@@ -42,7 +42,8 @@ fn range(heights: &[f64]) -> f64 {
     heights.iter().copied().fold(f64::MIN, f64::max) - heights.iter().copied().fold(f64::MAX, f64::min)
 }
 
-/// Checks that Z is homed and where it should be, and that the last words say that the points agree.
+/// Checks that Z is homed and where it should be, and that the last words say that
+/// the points agree.
 fn assert_aligned(done: &Done, accuracy_mm: f64) {
     let mut differ = done.said.iter().filter_map(|line| line.strip_prefix("echo:the points differ by "));
     let last: f64 = differ.next_back().unwrap().split(' ').next().unwrap().parse().unwrap();

@@ -35,7 +35,8 @@ fn without_a_card_every_command_says_so() {
     );
 }
 
-/// OctoPrint: `M21`, `M20` (with L where EXTENDED_M20 is reported), `M23`, `M24`, then `M27` or its report.
+/// OctoPrint: `M21`, `M20` (with L where EXTENDED_M20 is reported), `M23`, `M24`, then
+/// `M27` or its report.
 #[test]
 fn octoprint_lists_and_prints() {
     let setup = setup();
@@ -153,8 +154,9 @@ fn a_refused_line_pauses_and_is_tried_again() {
     assert_eq!(said.last().unwrap(), "Done printing file", "{said:?}");
 }
 
-/// A print that stops, at a line that is refused or because the card is missing, pauses as by M25: the nozzle goes
-/// aside, heaters keep their targets, and moves that a person makes by hand meanwhile change nothing.
+/// A print that stops, at a line that is refused or because the card is missing, pauses as by M25:
+/// the nozzle goes aside, heaters keep their targets, and moves that a person makes by hand
+/// meanwhile change nothing.
 #[test]
 fn a_print_that_stops_parks_the_head_and_keeps_the_heat() {
     let text = b"G28\nM140 S50\nG1 X20 Y30 Z5 F6000\nG1 X40 E1\nG1 Y50\n";
@@ -378,8 +380,8 @@ fn names_are_told() {
     );
 }
 
-/// A filament change in a file: reading the card stops until a person continues the print, by M24, M602, M108 or the
-/// prompt's button; it continues where it was.
+/// A filament change in a file: reading the card stops until a person continues the print, by M24,
+/// M602, M108 or the prompt's button; it continues where it was.
 #[test]
 fn a_file_that_pauses_waits_for_a_person() {
     for (pause, resume) in [("M600", "M24"), ("M601", "M602"), ("M25", "M108"), ("M0", "M876 S0"), ("M600", "M876 S0")]

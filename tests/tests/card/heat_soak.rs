@@ -1,5 +1,6 @@
-//! A print never continues cold: while any of its lines waits, its heaters keep their targets, or are heated again
-//! before anything moves. The same files by a card, a host that waits for each answer, and `print`.
+//! A print never continues cold: while any of its lines waits, its heaters keep their targets, or
+//! are heated again before anything moves. The same files by a card, a host that waits for each
+//! answer, and `print`.
 
 use ferrostep_printer::Profile;
 use ferrostep_session::Session;
@@ -91,7 +92,8 @@ fn a_pause_of_forty_minutes_heats_again() {
     assert_eq!(remarks.count(), 1, "{said:#?}");
 }
 
-/// A wait for heat whose temperature does not come nearer does not count as a use of the heaters: it ends the print.
+/// A wait for heat whose temperature does not come nearer does not count as a use of the heaters:
+/// it ends the print.
 #[test]
 fn a_bed_that_never_arrives_ends_the_print() {
     let mut weak = profile("prusa-mini");

@@ -4,8 +4,8 @@ use ferrostep_virtual_board::EndStopFailure;
 
 use crate::card::setup::{Setup, image, profile};
 
-/// The way back to the print does not use the motors' steps from before homing: X was at -50 mm as the motors counted,
-/// and truly at 10 mm.
+/// The way back to the print does not use the motors' steps from before homing: X was at -50 mm as
+/// the motors counted, and truly at 10 mm.
 #[test]
 fn an_axis_that_is_homed_in_a_pause_goes_back_to_no_place_of_before() {
     let setup = Setup::new(profile("cartesian"), image());

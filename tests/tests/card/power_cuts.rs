@@ -1,7 +1,7 @@
 //! The power is cut while a card is printed, and the print continues after the reset.
 //!
-//! Only the card and the place of the motors remain after a cut: a printer that is switched on with a copy of the card
-//! knows nothing else.
+//! Only the card and the place of the motors remain after a cut: a printer that is switched on with
+//! a copy of the card knows nothing else.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -35,7 +35,8 @@ impl Cut {
     }
 }
 
-/// Layers of squares with everything that a record has: percentages, relative parts, retractions of both kinds, G92, hops, an arc.
+/// Layers of squares with everything that a record has: percentages, relative parts, retractions of
+/// both kinds, G92, hops, an arc.
 fn program(layers: u32) -> Vec<u8> {
     let mut text = String::from(
         "M140 S60\nM104 S205\nG28\nM190 S60\nM109 S205\nG21\nG90\nM82\nM204 P900 T1100\nM203 X150\nM205 J0.05\nM207 S0.8 F2400 Z0\n\
@@ -97,8 +98,8 @@ fn filled(text: &[u8]) -> Vec<u8> {
     setup.card.with_slot(|slot| slot.with_image(|image| image.clone()))
 }
 
-/// Prints to the end, with cuts at about this many random looks at the hosts' lines. Returns the cuts, all events and
-/// the final positions of the motors.
+/// Prints to the end, with cuts at about this many random looks at the hosts' lines. Returns the
+/// cuts, all events and the final positions of the motors.
 fn cut_print(profile: Profile, filled: &[u8], wanted: u64, state: &mut u64) -> (Vec<Cut>, Vec<Event>, [i64; 4]) {
     let lines = ["M21", "M23 PRINT.GCO", "M24"];
     let mut looks = 0;
@@ -164,7 +165,8 @@ fn a_print_goes_on_after_a_cut_at_any_instant_and_makes_the_steps_that_were_miss
     goes_on(profile("cartesian"), &program(14), 150);
 }
 
-/// The tools change every other layer: the print continues with the one that it had, and its offset.
+/// The tools change every other layer: the print continues with the one that it
+/// had, and its offset.
 #[test]
 fn a_print_of_two_tools_goes_on_with_the_tool_that_it_had() {
     let text = String::from_utf8(program(14)).unwrap();
@@ -186,8 +188,8 @@ fn a_print_of_two_tools_goes_on_with_the_tool_that_it_had() {
     goes_on(two, &changed.replace("M109 S205", "M109 T1 S200\nM109 T0 S205").into_bytes(), 150);
 }
 
-/// Cuts at about this many random looks at the hosts' lines, and a print that continues after each of this run's share
-/// of them; always after the first, the last, and one in the middle.
+/// Cuts at about this many random looks at the hosts' lines, and a print that continues after each
+/// of this run's share of them; always after the first, the last, and one in the middle.
 fn goes_on(profile: Profile, text: &[u8], wanted: u64) {
     let mut state = 7;
     let filled = filled(text);
@@ -224,7 +226,8 @@ fn goes_on(profile: Profile, text: &[u8], wanted: u64) {
         assert!(wanted.len() - same <= JOINED_STEPS, "cut {index}, line {line}: {same} of {} steps", wanted.len());
         assert!(made.len() > wanted.len(), "cut {index}: no approach");
         assert_eq!(setup.motor_steps()[..3], end[..3], "cut {index}, line {line}");
-        // The filament: that of the missing lines, to a step, and what was drawn back and pushed again.
+        // The filament: that of the missing lines, to a step, and what was drawn back
+        // and pushed again.
         let (pushed, owed) = (net(&events, 3), net(missing, 3));
         assert!((pushed - owed).abs() <= 1, "cut {index}, line {line}: {pushed} instead of {owed}");
         resumed += 1;
@@ -391,7 +394,8 @@ fn what_cannot_go_on_is_refused_with_its_reason() {
     assert_eq!(said.last().unwrap(), "Done printing file");
 }
 
-/// A paused print: the nozzle is aside, and a person has moved it. The print continues from the line at which it paused.
+/// A paused print: the nozzle is aside, and a person has moved it. The print continues from the
+/// line at which it paused.
 #[test]
 fn a_cut_during_a_pause_knows_where_the_nozzle_stands() {
     let text = program(14);
@@ -423,8 +427,8 @@ fn a_cut_during_a_pause_knows_where_the_nozzle_stands() {
         let said = again.converse(&mut printer, &["M21", "M1000"], &mut nothing);
         assert_eq!(said.last().unwrap(), "Done printing file", "{said:?}");
         assert_eq!(again.motor_steps()[..3], end[..3], "{jog:?}");
-        // The steps from the cut on bring Z to its end of the undisturbed print, because the height was the true one,
-        // and push the same filament, but for the rest of a step at the cut.
+        // The steps from the cut on bring Z to its end of the undisturbed print, because the height
+        // was the true one, and push the same filament, but for the rest of a step at the cut.
         let net_of = |motor| (net(&events.borrow(), motor), net(&all[cut..], motor));
         let ((z, z_owed), (pushed, owed)) = (net_of(2), net_of(3));
         assert_eq!(z, z_owed, "{jog:?}");

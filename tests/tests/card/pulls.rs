@@ -7,8 +7,8 @@ use ferrostep_virtual_board::{CardFault, VirtualCard};
 use crate::card::prints::printed;
 use crate::card::setup::{Setup, image, nothing, profile};
 
-/// A program of many short moves, in which every line matters. Without homing a pause leaves the nozzle in place, and
-/// makes no steps.
+/// A program of many short moves, in which every line matters. Without homing a pause leaves the
+/// nozzle in place, and makes no steps.
 fn program(is_homed: bool) -> Vec<u8> {
     let mut text = String::from(if is_homed { "G28\nG1 Z5 F600\nG90\n" } else { "G90\n" });
     for step in 0..120_u32 {
@@ -91,7 +91,8 @@ fn pull_a_thousand_times(is_homed: bool) {
                         vec!["M24".to_owned()]
                     }
                 }
-                // The card's first block shows if it was put in again before the print has missed it.
+                // The card's first block shows if it was put in again before the
+                // print has missed it.
                 30 => {
                     was_out = 0;
                     vec!["M24".to_owned()]

@@ -99,7 +99,8 @@ pub struct Setup {
     pub idle_ms: Cell<u32>,
 }
 
-/// Called every time that the hosts are asked for lines, with the place of the print. Returns their lines.
+/// Called every time that the hosts are asked for lines, with the place of the print.
+/// Returns their lines.
 pub type Beside<'b> = dyn FnMut(&Card, Option<(u32, u32)>) -> Vec<String> + 'b;
 
 impl Setup {
@@ -141,7 +142,8 @@ impl Setup {
         ask(Request::Release);
     }
 
-    /// Sends lines to the printer and lets it print what they start. Each element of `lines` is a host's line.
+    /// Sends lines to the printer and lets it print what they start. Each element of `lines`
+    /// is a host's line.
     pub fn say(&self, lines: &[&str], beside: &mut Beside<'_>) -> Vec<String> {
         let mut printer = self.printer();
         self.converse(&mut printer, lines, beside)

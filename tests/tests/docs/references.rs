@@ -78,7 +78,8 @@ fn wrong_with_name(span: &str, tree: &Tree) -> Option<&'static str> {
     (is_ours && !tree.has_word(name)).then_some("no such name in the code")
 }
 
-/// A file named without its folder, after a whole path in the same line, lies beside it: "`planner/src/path.rs`, `pace.rs`".
+/// A file named without its folder, after a whole path in the same line, lies beside it:
+/// "`planner/src/path.rs`, `pace.rs`".
 fn wrong_beside<'a>(name: &str, same_line: impl Iterator<Item = &'a str>, tree: &Tree) -> Option<&'static str> {
     if name.contains(['/', ':']) || !name.ends_with(".rs") {
         return None;

@@ -62,8 +62,8 @@ impl Tree {
         }
     }
 
-    /// Returns true if a file or folder of this path exists, or may exist where things are built; `*` means any
-    /// characters within a name.
+    /// Returns true if a file or folder of this path exists, or may exist where things are built;
+    /// `*` means any characters within a name.
     pub fn has_path(&self, path: &str) -> bool {
         let path = path.trim_end_matches('/');
         let is_built = path.split('/').any(|part| NOT_SOURCES.contains(&part));
@@ -111,7 +111,8 @@ fn is_code(path: &str) -> bool {
     CODE.iter().any(|end| path.ends_with(end))
 }
 
-/// Returns true if the path is the module's file, or lies in its folder, or in the folder of a crate of that name.
+/// Returns true if the path is the module's file, or lies in its folder, or in the folder of a
+/// crate of that name.
 fn is_module(path: &str, module: &str) -> bool {
     let crate_folder = module.strip_prefix("ferrostep_").map(|name| format!("{}/src/", name.replace('_', "-")));
     path.ends_with(&format!("/{module}.rs"))
@@ -119,7 +120,8 @@ fn is_module(path: &str, module: &str) -> bool {
         || crate_folder.is_some_and(|folder| path.starts_with(&folder) || path.contains(&format!("/{folder}")))
 }
 
-/// Bodies of `struct`, `enum`, `trait`, `mod` and `impl` blocks of `owner`, by the formatter's indentation.
+/// Bodies of `struct`, `enum`, `trait`, `mod` and `impl` blocks of `owner`, by the
+/// formatter's indentation.
 fn blocks<'a>(text: &'a str, owner: &str) -> Vec<&'a str> {
     let mut found = Vec::new();
     let mut place = 0;
@@ -149,7 +151,8 @@ fn is_heading_of(line: &str, owner: &str) -> bool {
     }
 }
 
-/// Returns true if a block has an item, a field or a variant of this name, one step further in than the block itself.
+/// Returns true if a block has an item, a field or a variant of this name, one step further in than
+/// the block itself.
 fn has_member(block: &str, name: &str) -> bool {
     let depth = |line: &str| line.len() - line.trim_start().len();
     let inside = block.lines().next().map_or(0, depth) + 4;

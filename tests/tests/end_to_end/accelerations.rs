@@ -13,8 +13,9 @@ use ferrostep_session::{JobReplies, Session};
 use crate::end_to_end::command::{directory, example, ferrostep, file};
 use crate::end_to_end::desk::profile;
 
-/// The reference checks the steps: the motors' positions at each move's end, the distance of events, the speed and acceleration
-/// of the axes. Its own law is the trapezoid; the planner's tests check that these laws are kept.
+/// The reference checks the steps: the motors' positions at each move's end, the distance of
+/// events, the speed and acceleration of the axes. Its own law is the trapezoid; the planner's
+/// tests check that these laws are kept.
 fn options() -> TraceCheckOptions {
     TraceCheckOptions { duration_tolerance: f64::INFINITY, law_tolerance_steps: f64::INFINITY, ..Default::default() }
 }
@@ -106,7 +107,8 @@ fn seconds_of_motion(machine: Profile, name: &str, block_by_block: bool) -> f64 
     session.figures().motion_time_s
 }
 
-/// The gain of one law over several blocks, compared with zero acceleration at the end of every block.
+/// The gain of one law over several blocks, compared with zero acceleration at the
+/// end of every block.
 #[test]
 fn s_curves_over_several_blocks_gain_most_in_curves() {
     for (machine, name, least) in [
@@ -129,9 +131,9 @@ fn s_curves_over_several_blocks_gain_most_in_curves() {
     }
 }
 
-/// S-curves at a jerk that takes 8 ms to the greatest acceleration cost little over the trapezoid. The cost is in
-/// corners that limit the speed: there the acceleration has to be zero, unlike a trapezoid's. The arcs have one each
-/// millimetre.
+/// S-curves at a jerk that takes 8 ms to the greatest acceleration cost little over the trapezoid.
+/// The cost is in corners that limit the speed: there the acceleration has to be zero, unlike a
+/// trapezoid's. The arcs have one each millimetre.
 #[test]
 fn s_curves_of_8_ms_cost_what_their_corners_do() {
     for (machine, name, acceleration, most) in [

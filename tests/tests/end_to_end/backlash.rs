@@ -55,8 +55,9 @@ fn steps(event: &StepEvent) -> [i64; 3] {
     })
 }
 
-/// Each axis stays until its motor has gone through the play, and goes with it from there. Returns in how many thousandths of the
-/// plan's events of X and Y each was off by more than a step, and by how many steps at most.
+/// Each axis stays until its motor has gone through the play, and goes with it from there. Returns
+/// in how many thousandths of the plan's events of X and Y each was off by more than a step, and by
+/// how many steps at most.
 fn off(plan: &[StepEvent], motors: &[StepEvent]) -> [(usize, i64); 3] {
     let play = [0, 1, 2].map(|axis| (PLAY_MM[axis] * STEPS_PER_MM[axis]).round() as i64);
     // Homing has left the axes where a motor pulls them backwards.
@@ -86,7 +87,8 @@ fn off(plan: &[StepEvent], motors: &[StepEvent]) -> [(usize, i64); 3] {
     [0, 1, 2].map(|axis| (off[axis] * 1000 / all, most[axis]))
 }
 
-/// Two files of slicers: uncorrected the axes are off by their play half of the time, corrected on the way after a reversal only.
+/// Two files of slicers: uncorrected the axes are off by their play half of the time, corrected on
+/// the way after a reversal only.
 #[test]
 fn prints_are_where_they_are_to_be() {
     for (name, most) in [("cube-slic3r.gcode.gz", 80), ("gyroid.gcode.gz", 120)] {

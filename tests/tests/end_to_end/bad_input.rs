@@ -21,7 +21,8 @@ fn position(summary: &Value) -> Value {
     json!([at["x"], at["y"], at["z"], at["e"]])
 }
 
-/// Prints [`PROLOGUE`], `line` and one more move; the job must end at `line` and the machine stay where it was.
+/// Prints [`PROLOGUE`], `line` and one more move; the job must end at `line` and the machine
+/// stay where it was.
 #[track_caller]
 fn stops_at(line: impl AsRef<[u8]>, says: &[&str]) {
     let line = line.as_ref();
@@ -67,7 +68,8 @@ fn unreadable_lines_stop_the_job() {
     }
 }
 
-/// A job without these commands would be printed at another place, or with another amount of filament.
+/// A job without these commands would be printed at another place, or with another
+/// amount of filament.
 #[test]
 fn commands_that_must_not_be_skipped_stop_the_job() {
     for (line, says) in [

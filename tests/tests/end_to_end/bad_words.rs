@@ -1,5 +1,5 @@
-//! Every command that takes words, with one of them missing, malformed or out of its range: the printer names it, and a refused
-//! line changes nothing.
+//! Every command that takes words, with one of them missing, malformed or out of its range: the
+//! printer names it, and a refused line changes nothing.
 
 use ferrostep_planner::StepDigests;
 use ferrostep_printer::Profile;
@@ -95,7 +95,8 @@ struct Done {
     said: Vec<String>,
 }
 
-/// Executes [`BEFORE`], a line and [`AFTER`]. Returns also the answer to the line, and whether it was refused.
+/// Executes [`BEFORE`], a line and [`AFTER`]. Returns also the answer to the line, and
+/// whether it was refused.
 fn execute(profile: &Profile, line: Option<&str>) -> (Done, Vec<String>, bool) {
     let session = Session::print(*profile, LOOK_AHEAD_BLOCKS, (), Collector::default());
     let mut printer = session.printer();
@@ -127,7 +128,8 @@ fn with(command: &str, word: usize, number: &str) -> String {
 
 /// Returns true if an answer names the word, or its meaning.
 fn names(said: &[String], letter: char) -> bool {
-    // An arc that does not fit is one of its centre or radius with its end; a dwell counts as P, in milliseconds.
+    // An arc that does not fit is one of its centre or radius with its end; a dwell counts as P,
+    // in milliseconds.
     let others = ["the target is too far away", "I, J: the arc", "R: a radius", "P: 999999999000"];
     let is_named = |text: &str| text.contains(letter) || others.iter().any(|other| text.contains(other));
     said.iter().any(|text| text.starts_with("echo:") && is_named(text))

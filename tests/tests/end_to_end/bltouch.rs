@@ -1,4 +1,5 @@
-//! A probe with a pin, on the desk: it homes and measures as a fixed one does, and its commands answer.
+//! A probe with a pin, on the desk: it homes and measures as a fixed one does, and its
+//! commands answer.
 
 use ferrostep_printer::Profile;
 use ferrostep_profiles::{builtin_text, parse};

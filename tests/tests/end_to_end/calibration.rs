@@ -6,7 +6,8 @@ use std::fs;
 
 use crate::end_to_end::command::{directory, ferrostep, file, repository};
 
-/// A record by RepRapFirmware of X, whose frame swings at 60 Hz with a damping of 0.08: every 0.1 s the acceleration changes.
+/// A record by RepRapFirmware of X, whose frame swings at 60 Hz with a damping of 0.08: every 0.1 s
+/// the acceleration changes.
 fn record() -> String {
     let (omega, damping, rate_hz) = (TAU * 60.0, 0.08, 1600.0);
     let mut text = "Sample,X,Y,Z\n".to_owned();
@@ -93,7 +94,8 @@ fn what_measures_nothing_is_refused_and_no_plot_is_left() {
     assert_eq!(fs::read_to_string(good).unwrap(), record());
 }
 
-/// Writes one line with this K, and simulates it on a nozzle whose time constant is 0.04 s: filament misplaced along the line, mm^3.
+/// Writes one line with this K, and simulates it on a nozzle whose time constant is 0.04 s:
+/// filament misplaced along the line, mm^3.
 fn misplaced(directory: &tempfile::TempDir, seconds: &str) -> f64 {
     let path = directory.path().join(format!("k{seconds}.gcode"));
     let lines = path.to_str().unwrap();
@@ -149,7 +151,8 @@ fn lines_of_advance_print_on_every_machine_and_their_number_is_a_key() {
     assert_eq!(fs::read_to_string(&path).unwrap(), text);
 }
 
-/// The tube asks for the flows that it names: a machine that melts a little less reports its fastest moves.
+/// The tube asks for the flows that it names: a machine that melts a little less reports
+/// its fastest moves.
 #[test]
 fn a_tube_has_the_flows_it_names_on_every_machine() {
     let directory = directory();

@@ -1,4 +1,5 @@
-//! Meaning of commands where firmwares differ, or where a dropped word would make a large command of a small one.
+//! Meaning of commands where firmwares differ, or where a dropped word would make a large
+//! command of a small one.
 
 use ferrostep_profiles::{builtin_text, parse};
 use serde_json::Value;
@@ -130,7 +131,8 @@ fn the_text_of_m1_reaches_the_person() {
     assert!(!said.concat().contains("no effect"), "{said:?}");
 }
 
-/// Start code of some makers pushes filament alone after it has let the nozzle cool; Marlin continues without it.
+/// Start code of some makers pushes filament alone after it has let the nozzle cool; Marlin
+/// continues without it.
 #[test]
 fn filament_that_moves_alone_stays_where_a_file_has_left_the_nozzle_cold() {
     let start = "G28\nM104 S140\nM83\nM109 S25\n";

@@ -1,4 +1,5 @@
-//! A CoreXZ machine: homed, printed, estimated and prepared like any other; the reference checks every step.
+//! A CoreXZ machine: homed, printed, estimated and prepared like any other; the reference
+//! checks every step.
 
 use std::fs::{self, File};
 
@@ -63,8 +64,8 @@ fn the_cube_is_printed_estimated_and_prepared() {
     }
 }
 
-/// The motors of X and Z hold both axes together: without current in one of them neither axis is homed, and soft limits do not
-/// apply.
+/// The motors of X and Z hold both axes together: without current in one of them neither axis is
+/// homed, and soft limits do not apply.
 #[test]
 fn a_motor_without_current_takes_the_home_of_both_its_axes() {
     let directory = directory();

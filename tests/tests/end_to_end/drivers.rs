@@ -1,5 +1,5 @@
-//! Motor drivers with a serial line: nothing moves before they have confirmed their settings, and one that fails in
-//! mid-print stops the print.
+//! Motor drivers with a serial line: nothing moves before they have confirmed their settings, and
+//! one that fails in mid-print stops the print.
 
 use std::cell::RefCell;
 
@@ -100,7 +100,8 @@ fn a_silent_driver_blocks_motion_only() {
     assert!(replies[0].starts_with("X:176.40 Y:24.10 Z:4.00"), "{replies:?}");
 }
 
-/// Until a driver is set up it uses the chip's current after a reset: more than twice that of the MINI's motors.
+/// Until a driver is set up it uses the chip's current after a reset: more than twice that of
+/// the MINI's motors.
 #[test]
 fn m17_waits_for_the_drivers() {
     let profile = profile("prusa-mini");
@@ -124,8 +125,8 @@ fn m17_waits_for_the_drivers() {
     assert_eq!(motors_on(), 0b1000);
 }
 
-/// Moves by other commands than G0 to G3 are refused as well: right after the start they would be made with the steps
-/// and currents of unset drivers.
+/// Moves by other commands than G0 to G3 are refused as well: right after the start they would be
+/// made with the steps and currents of unset drivers.
 #[test]
 fn pauses_filament_changes_and_shifts_of_z_wait_for_the_drivers() {
     let profile = profile("prusa-mini");
@@ -140,7 +141,8 @@ fn pauses_filament_changes_and_shifts_of_z_wait_for_the_drivers() {
     assert_eq!(machine.desk().motor_steps(), [0; 4]);
 }
 
-/// M84 X unhomes X and Y on CoreXY, where each of the motors A and B moves both; on the others Y stays homed.
+/// M84 X unhomes X and Y on CoreXY, where each of the motors A and B moves both; on the
+/// others Y stays homed.
 #[test]
 fn switching_a_motor_off_unhomes_its_axis() {
     for (name, size_mm, off, homed) in [
@@ -233,7 +235,8 @@ fn settings_are_changed_reported_and_refused() {
     assert_eq!([register(&machine, 0, run), register(&machine, 3, run)], [0x8_0f0f, 0x8_0909]);
     assert_eq!([0, 1, 2].map(|motor| register(&machine, motor, global) & 4), [4, 4, 0]);
     assert_eq!([0, 1].map(|motor| register(&machine, motor, threshold)), [70, 130]);
-    // 8 mm/s at 400 steps/mm of 1/8: 102,400 microsteps of 1/256 a second, 117 clocks of 12 MHz each.
+    // 8 mm/s at 400 steps/mm of 1/8: 102,400 microsteps of 1/256 a second, 117
+    // clocks of 12 MHz each.
     assert_eq!([0, 2].map(|motor| register(&machine, motor, chopper)), [0, 117]);
     // In spreadCycle the speed has no effect yet, and it says so.
     assert_eq!(

@@ -1,5 +1,5 @@
-//! Prepared jobs entered at a frame: from there on they make the steps of the whole job, and the nozzle avoids the
-//! print on the way there.
+//! Prepared jobs entered at a frame: from there on they make the steps of the whole job, and the
+//! nozzle avoids the print on the way there.
 
 use std::path::Path;
 
@@ -82,7 +82,8 @@ fn entered(machine: &Profile, job: &[u8], frame: u32) -> Ended {
     entered
 }
 
-/// Checks the path to a frame: the nozzle moves along X and Y above the print alone, and Z is not homed.
+/// Checks the path to a frame: the nozzle moves along X and Y above the print alone,
+/// and Z is not homed.
 #[track_caller]
 fn keeps_above(machine: &Profile, way: &[Record], start: &FrameState) {
     let z_steps = |z_10nm: i64| machine.geometry().motor_steps([0, 0, z_10nm])[2];
@@ -130,7 +131,8 @@ fn check(name: &str, machine: &str, lines: usize) {
         let (_, expected) = behind(all.clone(), start.line);
         keeps_above(&machine, &approach, &start);
         assert!(way(&tail) == way(&expected), "frame {frame}: other steps");
-        // The whole job may have part of an extruder step left over at the entry; the entered one begins without.
+        // The whole job may have part of an extruder step left over at the entry; the entered
+        // one begins without.
         assert!((pushed(&tail) - pushed(&expected)).abs() <= 1, "frame {frame}");
         assert_eq!(entered.logical_10nm, whole.logical_10nm, "frame {frame}");
         assert_eq!(entered.lines, whole.lines);
@@ -181,12 +183,14 @@ proptest! {
     }
 }
 
-/// A program whose moves are straight: chords of an arc have a line in common, and cannot be told apart by it.
+/// A program whose moves are straight: chords of an arc have a line in common, and cannot be
+/// told apart by it.
 fn homed_program() -> impl Strategy<Value = Program> {
     program().prop_filter("homed, straight", |program| !program.has_arcs && program.text.starts_with("M302 P1\nG28\n"))
 }
 
-/// Settings of a job before its middle; in its middle the machine is at rest, and no part of an extruder step is owed.
+/// Settings of a job before its middle; in its middle the machine is at rest, and no part of an
+/// extruder step is owed.
 const SETTINGS: &str = "G28\nM302 P1\nM83\nM201 X2100\nM203 Y130.5\nM204 P700 T900 R1100\nM205 J0.07\nM221 S80\nM207 S0.7\n\
                         G1 X20 Y20 Z5 F3000\nG92 X10 Z1 E3\nG1 X60 E1 F4000\nG1 E-1\nM106 S77\nG1 Y60\nM400\nM220 S90\n";
 

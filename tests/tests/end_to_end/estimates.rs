@@ -12,7 +12,8 @@ use crate::end_to_end::desk::profile;
 struct Ended {
     print_time_s: f64,
     motion_time_s: f64,
-    /// Number of runs of the heaters' model and of the drivers' code: the only costs that could grow with the print time.
+    /// Number of runs of the heaters' model and of the drivers' code: the only costs that could
+    /// grow with the print time.
     heat_samples: u64,
     driver_polls: u64,
 }
@@ -74,7 +75,8 @@ fn an_estimate_steps_heaters_only_until_they_settle() {
     }
 }
 
-/// Heaters that were not stepped have the right temperatures: waits after hours at rest, for more heat, for less, for none.
+/// Heaters that were not stepped have the right temperatures: waits after hours at rest, for more
+/// heat, for less, for none.
 #[test]
 fn an_estimate_waits_as_long_as_a_print() {
     let text = "M86 S0\nG28\nM190 S60\nM109 S210\nG4 S900\nM109 S230\nG4 S600\nM109 R190\nG4 S600\nM190 S80\nM140 S0\nG4 S100\n\

@@ -1,8 +1,9 @@
-//! The extruder against the nozzle, step by step through whole prints (Wu 2024, eqs. 10 and 11): it is never more than a
-//! step away from lambda times the nozzle's path, also in ramps and at corners, whether lambda is the G-code's or the
-//! machine's.
+//! The extruder against the nozzle, step by step through whole prints (Wu 2024, eqs. 10 and 11): it
+//! is never more than a step away from lambda times the nozzle's path, also in ramps and at
+//! corners, whether lambda is the G-code's or the machine's.
 //!
-//! The nozzle's path is taken from the X and Y motors' own steps in the trace, so that the check needs no time law.
+//! The nozzle's path is taken from the X and Y motors' own steps in the trace, so that the check
+//! needs no time law.
 
 use std::fs::File;
 use std::path::Path;
@@ -16,8 +17,8 @@ use crate::end_to_end::command::{directory, example, ferrostep, file};
 const XY_STEPS_PER_MM: f64 = 80.0;
 const E_STEPS_PER_MM: f64 = 95.0;
 
-/// Tolerance for the nozzle's distance from its motors' last whole steps: half a step of each, times lambda, in steps
-/// of the extruder; and for events that were joined.
+/// Tolerance for the nozzle's distance from its motors' last whole steps: half a step of each,
+/// times lambda, in steps of the extruder; and for events that were joined.
 const TOLERANCE_STEPS: f64 = 0.1;
 
 /// A straight move of a job.
@@ -54,8 +55,8 @@ fn word(line: &str, letter: char) -> Option<f64> {
     words.skip(1).find_map(|word| word.strip_prefix(letter)).map(|number| number.parse().unwrap())
 }
 
-/// The moves of a job of G0 and G1 with absolute coordinates that homes to zero, with the filament of its E
-/// (absolute), or of its length.
+/// The moves of a job of G0 and G1 with absolute coordinates that homes to zero, with the filament
+/// of its E (absolute), or of its length.
 fn moves(job: &str, mut lambda: impl FnMut(&str, bool) -> Option<f64>) -> Vec<Straight> {
     let (mut at, mut e, mut z) = ([0.0; 2], 0.0, 0.0);
     let mut moves = Vec::new();
@@ -92,8 +93,8 @@ fn moves(job: &str, mut lambda: impl FnMut(&str, bool) -> Option<f64>) -> Vec<St
 struct Deviations {
     steps: u64,
     of_the_machine: f64,
-    /// The same of an extruder that steps with some of the master's steps by Bresenham, from one rounded position to the
-    /// next; this one is made here, from the same X and Y steps.
+    /// The same of an extruder that steps with some of the master's steps by Bresenham, from one
+    /// rounded position to the next; this one is made here, from the same X and Y steps.
     of_a_slave: f64,
 }
 
@@ -202,7 +203,8 @@ fn cube() -> String {
 fn filament_of_the_gcode_follows_the_nozzle() {
     let job = cube();
     let found = check("cube", &job, &moves(&job, |_, _| None));
-    // An extruder that waits for the master's steps has a greater error than one with its own times.
+    // An extruder that waits for the master's steps has a greater error than one
+    // with its own times.
     assert!(found.of_a_slave > found.of_the_machine, "{found:?}");
 }
 

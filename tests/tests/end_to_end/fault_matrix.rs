@@ -1,4 +1,5 @@
-//! The matrix of faults: what the printer does after each fault in each state, as the book's table has it.
+//! The matrix of faults: what the printer does after each fault in each state, as the
+//! book's table has it.
 
 mod card;
 mod jam;
@@ -167,7 +168,8 @@ fn outcome(profile: &Profile, at: At, fault: Fault) -> String {
     }
 }
 
-/// Checks that nothing is hot or moves, that the host knows why, and that commands are refused until M999 or a reset.
+/// Checks that nothing is hot or moves, that the host knows why, and that commands are refused
+/// until M999 or a reset.
 fn halted(trial: &mut Trial<'_>, is_off: bool) -> String {
     let (machine, fault) = (trial.machine, trial.fault);
     assert!(is_off, "{fault:?}");
@@ -212,8 +214,8 @@ fn each_fault_at_each_time_is_in_the_book() {
         }
         let cells = TIMES.map(|(_, at)| outcome(&machine, at, fault));
         for ((_, at), cell) in TIMES.iter().zip(&cells) {
-            // A broken thermistor is noticed cold or hot, a heater that fails only where it should heat: the bed is
-            // cold while the nozzle heats.
+            // A broken thermistor is noticed cold or hot, a heater that fails only where it should
+            // heat: the bed is cold while the nozzle heats.
             let must_halt = match fault {
                 Fault::EmergencyStop | Fault::SupplyFails | Fault::Driver(_) => true,
                 Fault::Heater(_, HeaterFailure::ThermistorOpen | HeaterFailure::ThermistorShorted) => true,

@@ -1,5 +1,5 @@
-//! A sensor that sees filament move: it counts the filament that the motor has pushed, a print that works is never
-//! paused, and a jam is.
+//! A sensor that sees filament move: it counts the filament that the motor has pushed, a print that
+//! works is never paused, and a jam is.
 
 use ferrostep_printer::machine::Pushed;
 use ferrostep_printer::{FilamentSensor, FilamentSensorKind, Printer, Profile, SharedMotion};
@@ -12,11 +12,12 @@ use crate::end_to_end::desk::profile;
 use crate::end_to_end::refusals::Collector;
 use crate::end_to_end::repeats::Seeded;
 
-/// Detection length of BIGTREETECH's second smart filament sensor, mm, by its maker: an encoder with an edge every 2.88 mm.
+/// Detection length of BIGTREETECH's second smart filament sensor, mm, by its maker: an encoder
+/// with an edge every 2.88 mm.
 const DETECTION_MM: f64 = 3.0;
 
-/// Error of a detected length, mm: marks of the queue lie a thirtieth of it apart, at these prints' speed of filament
-/// and with a second of motion in it; and a look comes every 2 ms.
+/// Error of a detected length, mm: marks of the queue lie a thirtieth of it apart, at these prints'
+/// speed of filament and with a second of motion in it; and a look comes every 2 ms.
 const RESOLUTION_MM: f64 = 0.4;
 
 type Machine = LiveSession<Collector>;
@@ -41,7 +42,8 @@ fn commands(text: &[u8], lines: usize) -> Vec<String> {
     commands.filter(|command| !command.is_empty()).take(lines).map(str::to_owned).collect()
 }
 
-/// Sends lines as a host does that prints; calls `between` whenever time has passed. Returns the printer's replies.
+/// Sends lines as a host does that prints; calls `between` whenever time has passed. Returns the
+/// printer's replies.
 fn print(machine: &Machine, lines: &[String], mut between: impl FnMut(&Machine)) -> Vec<String> {
     let mut printer = machine.printer();
     for (number, line) in (1..).zip(lines) {
@@ -137,8 +139,8 @@ fn a_jam_pauses_a_print_within_the_length_and_the_print_ends_as_if_there_had_bee
             assert!(said.iter().any(|line| line == text), "{said:?}");
             let unseen_mm = noticed_mm.unwrap() - jammed_mm.unwrap();
             assert!((0.0..DETECTION_MM + RESOLUTION_MM).contains(&unseen_mm), "{unseen_mm} mm after {jams_at_mm} mm");
-            // The motion at hand when a person pauses takes 2.1 s (the book's page of hosts), the way up 4 s at this
-            // machine's speed of Z, and then comes the way aside.
+            // The motion at hand when a person pauses takes 2.1 s (the book's page of hosts), the
+            // way up 4 s at this machine's speed of Z, and then comes the way aside.
             let stop_s = (stood_ns - noticed_ns) as f64 * 1e-9;
             assert!(stop_s < 10.0, "{stop_s} s");
             assert_eq!(extruder(&machine).steps, extruder(&undisturbed).steps);
@@ -147,7 +149,8 @@ fn a_jam_pauses_a_print_within_the_length_and_the_print_ends_as_if_there_had_bee
     }
 }
 
-/// The switch reports filament that ends, before as much has been pushed as the encoder wants; only the encoder reports a jam.
+/// The switch reports filament that ends, before as much has been pushed as the encoder wants; only
+/// the encoder reports a jam.
 #[test]
 fn a_switch_beside_the_encoder_tells_the_end_of_the_filament_and_the_encoder_a_jam() {
     for (ends, text) in [
@@ -213,8 +216,8 @@ fn what_a_person_pushes_pauses_no_print() {
     reports(&mut printer, "present");
 }
 
-/// Lines, travels, retractions, wipes, and an advance: what has been pushed is between the two counts all the time, and both are it when
-/// all has ended.
+/// Lines, travels, retractions, wipes, and an advance: what has been pushed is between the two
+/// counts all the time, and both are it when all has ended.
 #[test]
 fn what_is_counted_is_what_the_motor_has_pushed() {
     for seed in 1..=12 {
@@ -243,7 +246,8 @@ fn what_is_counted_is_what_the_motor_has_pushed() {
                 [pushed.at_least, pushed.at_most].map(|pushed| i64::from(pushed.steps_since(Pushed::NONE)));
             // Between two looks, 2 ms, it may have been drawn back.
             let between = (0.2 * steps_per_mm) as i64;
-            // The queue's end is checked with every eighth entry, and the extruder may step once at each entry.
+            // The queue's end is checked with every eighth entry, and the extruder may step
+            // once at each entry.
             let range = least - between..=most + 8;
             assert!(range.contains(&furthest), "seed {seed}: {furthest} not in {range:?}");
             looks += 1;

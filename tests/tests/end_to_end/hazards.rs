@@ -1,4 +1,5 @@
-//! The book's table of hazards: every point has its cure and an existing test, or the reason for which it is not a fault.
+//! The book's table of hazards: every point has its cure and an existing test, or the reason for
+//! which it is not a fault.
 
 use std::collections::BTreeSet;
 use std::path::Path;

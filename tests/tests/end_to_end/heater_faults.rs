@@ -1,4 +1,5 @@
-//! Heaters that fail during a job: everything off, motion stopped, the host informed, the position exact.
+//! Heaters that fail during a job: everything off, motion stopped, the host informed,
+//! the position exact.
 
 use std::path::Path;
 
@@ -34,7 +35,8 @@ fn print_with_nozzle(values: &[(&str, &str)], job: &str) -> Outcome {
     ferrostep(arguments)
 }
 
-/// Checks the thermal error and `kill() called` on adjacent lines, once, and that the machine is where its motors have left it.
+/// Checks the thermal error and `kill() called` on adjacent lines, once, and that the machine is
+/// where its motors have left it.
 #[track_caller]
 fn check_stopped(outcome: &Outcome, error: &str, line: u64) -> Value {
     assert_eq!(outcome.status, Some(1), "{outcome:#?}");
@@ -57,8 +59,8 @@ fn a_cold_nozzle_stops_the_job() {
     assert!(outcome.stderr.contains("M999"), "{outcome:#?}");
     assert_eq!(summary["motor_steps"]["x"], 0);
 
-    // The same in motion: the move takes 40 s, the watch allows 20. The desk checks after each step entry,
-    // which at 800 steps a second may last half a second.
+    // The same in motion: the move takes 40 s, the watch allows 20. The desk checks after each step
+    // entry, which at 800 steps a second may last half a second.
     let outcome = print_with_nozzle(&weak, "G92 X0\nM104 S200\nG1 X400 F600\nM400\nG1 X99\n");
     let summary = check_stopped(&outcome, error, 4);
     let steps = summary["motor_steps"]["x"].as_f64().unwrap();
@@ -116,7 +118,8 @@ fn every_failure_in_mid_print_stops_motion_and_tells_the_host() {
             assert_eq!(replies[at + 1], KILLED);
             assert_eq!(replies.iter().filter(|reply| reply.starts_with("Error:")).count(), 2, "{replies:?}");
 
-            // All motors are at rest, all heaters are off, and the reported position is the motors'.
+            // All motors are at rest, all heaters are off, and the reported
+            // position is the motors'.
             let steps = machine.figures().motor_steps;
             let refused = conversation.say("G1 X5 F3000");
             assert!(refused[0].contains("M999") && refused[1] == KILLED, "{refused:?}");
@@ -129,7 +132,8 @@ fn every_failure_in_mid_print_stops_motion_and_tells_the_host() {
             }
             assert_eq!(machine.heaters().fan_power(FanOutput::Part), 255);
 
-            // M999 has no effect while the thermistor is broken; once it is mended, the machine continues, cold.
+            // M999 has no effect while the thermistor is broken; once it is mended, the machine
+            // continues, cold.
             let broken = matches!(failure, HeaterFailure::ThermistorOpen | HeaterFailure::ThermistorShorted);
             if broken {
                 let again = conversation.say("M999");

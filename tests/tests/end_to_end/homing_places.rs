@@ -1,7 +1,8 @@
-//! G28 from many places, with working and broken sensors: the motors' push against the frame, and the host's lines.
+//! G28 from many places, with working and broken sensors: the motors' push against the frame, and
+//! the host's lines.
 //!
-//! The machine is a frame, a sheet and sensors without steps (`Mechanics`), so that a homing takes microseconds. Some
-//! of the same on the desk, with every step, is at the end.
+//! The machine is a frame, a sheet and sensors without steps (`Mechanics`), so that a homing takes
+//! microseconds. Some of the same on the desk, with every step, is at the end.
 
 use std::cell::{Cell, RefCell};
 use std::pin::pin;
@@ -52,8 +53,9 @@ struct Start {
     true_10nm: [i64; 3],
 }
 
-/// A machine of this profile somewhere within its frame, which reaches beyond the travel by up to what the profile admits; its
-/// probe triggers 0.3 to 2.5 mm above the bed, which the profile does not know.
+/// A machine of this profile somewhere within its frame, which reaches beyond the travel by up
+/// to what the profile admits; its probe triggers 0.3 to 2.5 mm above the bed, which the
+/// profile does not know.
 fn start(profile: &Profile, faults: [SensorFault; 3], seed: u64) -> Start {
     let mut cases = Chance::new(seed);
     let mut below = |limit: i64| (cases.next() % limit.unsigned_abs().max(1)) as i64;
@@ -292,7 +294,8 @@ fn from_everywhere(
                     let places = Places::new(mechanics);
                     let outcome = execute(&mut printer(&profile, &places), "G28");
                     let pushed = places.pushed_10nm();
-                    // The nozzle is not pressed into the bed in any scenario if Z's sensor can trigger.
+                    // The nozzle is not pressed into the bed in any scenario if Z's
+                    // sensor can trigger.
                     if faults[2] != SensorFault::AlwaysOff {
                         assert!(pushed[2][0] <= MAX_PRESS_10NM, "{name} {seed}: {pushed:?}");
                     }
@@ -303,7 +306,8 @@ fn from_everywhere(
                         let homing = &profile.homing[axis];
                         let longest = profile.size_10nm[axis] - profile.lower_end_10nm[axis] + homing.overrun_10nm;
                         let home = usize::from(homing.end == HomeEnd::Max);
-                        // The way back may meet the other end, and an approach goes no farther than the bound.
+                        // The way back may meet the other end, and an approach goes no
+                        // farther than the bound.
                         assert!(pushed[axis][1 - home] <= 2 * homing.back_off_10nm, "{name} {seed}: {pushed:?}");
                         assert!(pushed[axis][home] <= longest, "{name} {seed}: {pushed:?}");
                     }
@@ -321,13 +325,15 @@ fn is_home(profile: &Profile, places: &Places) {
         let apart = (true_10nm[axis] - believed_10nm[axis]).abs();
         assert!(apart <= STALL_LAG_10NM.max(BOUNCE_10NM), "{} axis {axis}: {apart}", profile.name);
     }
-    // The profile has 0 mm for a probe, which is too low: the nozzle is higher than the machine believes.
+    // The profile has 0 mm for a probe, which is too low: the nozzle is higher than the
+    // machine believes.
     let higher = true_10nm[2] - believed_10nm[2];
     let most = if profile.homing[2].sensor == HomeSensor::Probe { 250_000 } else { 0 };
     assert!((0..=most + BOUNCE_10NM).contains(&higher), "{}: {higher}", profile.name);
 }
 
-/// Checks the ends of X and Y: an end that stalls is pushed by at most the stall's lag, a switch not at all.
+/// Checks the ends of X and Y: an end that stalls is pushed by at most the stall's lag, a
+/// switch not at all.
 fn only_stalls_push(profile: &Profile, places: &Places) {
     for axis in 0..2 {
         let homing = &profile.homing[axis];
@@ -358,7 +364,8 @@ fn bouncing_sensors_home_from_anywhere() {
     });
 }
 
-/// A missing sensor is always triggered as well: inputs have pull-ups, and those of these machines trigger high.
+/// A missing sensor is always triggered as well: inputs have pull-ups, and those of these
+/// machines trigger high.
 #[test]
 fn an_absent_or_stuck_sensor_is_named_and_z_stays_up() {
     for axis in 0..3 {
@@ -398,7 +405,8 @@ fn swapped_sensors_of_x_and_y_are_named() {
             // Y is at its switch: X seems to be stuck.
             Err(CommandError::SensorStuck { axis: 0 }) if at_y => {}
             Err(CommandError::HomingFailed { axis: 0, swapped, .. }) => {
-                // A stall signal is gone once the motor is at rest; a switch can be read, unless it was triggered before.
+                // A stall signal is gone once the motor is at rest; a switch can be read, unless it
+                // was triggered before.
                 assert_eq!(swapped, (!stalls && !at_x).then_some(1), "{}", profile.name);
             }
             other => panic!("{}: {other:?}", profile.name),
@@ -421,7 +429,8 @@ fn spikes_on_z_leave_the_nozzle_above_the_bed() {
     });
 }
 
-/// A probe that dies after it has homed once: the known height bounds the next approach, from any place of the nozzle.
+/// A probe that dies after it has homed once: the known height bounds the next approach, from any
+/// place of the nozzle.
 #[test]
 fn a_z_sensor_that_dies_after_homing_presses_half_a_millimetre_at_most() {
     for name in ["cartesian", "corexy", "prusa-mini"] {
@@ -448,8 +457,8 @@ fn a_z_sensor_that_dies_after_homing_presses_half_a_millimetre_at_most() {
     }
 }
 
-/// A limit: if Z has not been homed since power-on, an approach cannot distinguish a high nozzle from a sensor that
-/// never triggers. Z goes down by the travel at most, and only once.
+/// A limit: if Z has not been homed since power-on, an approach cannot distinguish a high nozzle
+/// from a sensor that never triggers. Z goes down by the travel at most, and only once.
 #[test]
 fn a_dead_z_sensor_presses_once_as_documented() {
     from_everywhere(with_fault(2, SensorFault::AlwaysOff), |profile, places, true_10nm, outcome| {

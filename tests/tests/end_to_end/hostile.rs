@@ -1,5 +1,5 @@
-//! Programs that no slicer writes, in short moves: no step is lost on any machine, and a prepared job is executed as it
-//! was planned.
+//! Programs that no slicer writes, in short moves: no step is lost on any machine, and a prepared
+//! job is executed as it was planned.
 
 use ferrostep_gpre::Encoding;
 use ferrostep_oracle::reference::ReferenceProfile;

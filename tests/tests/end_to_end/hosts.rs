@@ -155,7 +155,8 @@ fn a_bad_line_changes_only_the_time() {
             assert!(oks(&replies) > 0, "{line:?}: {replies:?}");
             match resend(&replies) {
                 Some(wanted) => {
-                    // A line that lost its number counts as one without, and the next line shows the gap.
+                    // A line that lost its number counts as one without, and the next
+                    // line shows the gap.
                     assert!(wanted == number || wanted == number - 1, "{line:?}: {replies:?}");
                     let error = replies.iter().find(|reply| reply.starts_with("Error:")).unwrap();
                     assert!(error.ends_with(&format!(", Last Line: {}", wanted - 1)), "{replies:?}");
@@ -288,11 +289,13 @@ fn answered_at_s(machine: &Machine, lines: &[String]) -> Vec<f64> {
     times
 }
 
-/// The machine stops within the motion that it has when a host stops sending, for any moves; the plan stays that of the file.
+/// The machine stops within the motion that it has when a host stops sending, for any moves; the
+/// plan stays that of the file.
 #[test]
 fn a_hosts_ok_waits_with_seconds_of_motion_at_hand() {
     let profile = profile("cartesian");
-    // Moves, how many, and seconds of motion in each: corners in between, a straight line, long lines.
+    // Moves, how many, and seconds of motion in each: corners in between, a straight
+    // line, long lines.
     type Line = fn(usize) -> String;
     let zigzag: Line = |index| format!("G1 X{} Y{} F1200", 20 + index % 2 * 10, 20 + index / 10);
     let straight: Line = |index| format!("G1 X{}.{} F3000", index / 2, index % 2 * 5);
@@ -302,7 +305,8 @@ fn a_hosts_ok_waits_with_seconds_of_motion_at_hand() {
         let lines: Vec<String> = (1..=count).map(line).collect();
         let machine = machine(&profile);
         let times = answered_at_s(&machine, &lines);
-        // All its motion, or its certain part, the move whose end speed the next one may still change, and the braking.
+        // All its motion, or its certain part, the move whose end speed the next one may still
+        // change, and the braking.
         let most = f64::max(1.0, 0.5 + seconds) + 0.2;
         for (index, at_s) in times.iter().enumerate() {
             let held = (index + 1) as f64 * seconds - at_s;

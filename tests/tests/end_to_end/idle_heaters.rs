@@ -49,7 +49,8 @@ fn printing(profile: &Profile) -> (Machine, Vec<&'static str>) {
     (machine(profile), vec!["G28", "M140 S60", "M104 S210", "M190 S60", "M109 S210", "G1 X50 E1 F1200", "G1 X20 E2"])
 }
 
-/// The host dies in mid-print: after 25 minutes comes the warning, after 30 minutes all heaters are off.
+/// The host dies in mid-print: after 25 minutes comes the warning, after 30 minutes all
+/// heaters are off.
 #[test]
 fn heaters_go_off_when_the_host_is_gone() {
     for name in ["cartesian", "prusa-mini"] {
@@ -68,7 +69,8 @@ fn heaters_go_off_when_the_host_is_gone() {
         assert!(!machine.signals().is_halted(), "{name}");
         assert!(temperatures(&conversation.say("M105")[0]).iter().all(|sensor| sensor.2 == 0.0), "{name}");
 
-        // Off is off: no message follows, and the printer continues where it was with the next line.
+        // Off is off: no message follows, and the printer continues where it was
+        // with the next line.
         assert_eq!(silence(&machine, 3600), []);
         assert!(conversation.say("G1 X30 E3")[0].contains("cold extrusion prevented"), "{name}");
         for line in ["M104 S205", "M109 S210", "G1 X30 E3", "M400"] {
@@ -80,7 +82,8 @@ fn heaters_go_off_when_the_host_is_gone() {
     }
 }
 
-/// Hours of lines, one slow move, and a host that only asks: in none of these cases has the host gone.
+/// Hours of lines, one slow move, and a host that only asks: in none of these cases
+/// has the host gone.
 #[test]
 fn heaters_stay_on_while_the_printer_is_used() {
     let (machine, start) = printing(&profile("cartesian"));
@@ -115,7 +118,8 @@ fn heaters_stay_on_in_an_estimated_long_move() {
     assert_eq!(about_heaters(&session.replies().take()), [""; 0]);
 }
 
-/// A line that ends by itself is use, however long: no heater goes off in it, and none after it before its time.
+/// A line that ends by itself is use, however long: no heater goes off in it, and none after it
+/// before its time.
 #[test]
 fn heaters_stay_on_in_waits_that_end_by_themselves() {
     for (before, wait) in [
@@ -140,7 +144,8 @@ fn heaters_stay_on_in_waits_that_end_by_themselves() {
     }
 }
 
-/// A wait that never arrives is cut short, but not unannounced, and the printer says so: the print would continue cold.
+/// A wait that never arrives is cut short, but not unannounced, and the printer says so: the print
+/// would continue cold.
 #[test]
 fn a_warning_precedes_heaters_going_off_in_a_wait_that_never_arrives() {
     let mut weak = profile("prusa-mini");
@@ -155,8 +160,8 @@ fn a_warning_precedes_heaters_going_off_in_a_wait_that_never_arrives() {
     assert!(!machine.signals().is_halted());
 }
 
-/// A line that has to wait its turn keeps the heaters on: the receiving side reports it. So they stay on for as long as lines come
-/// while a person is waited for.
+/// A line that has to wait its turn keeps the heaters on: the receiving side reports it. So they
+/// stay on for as long as lines come while a person is waited for.
 #[test]
 fn a_waiting_line_keeps_heaters_on() {
     let machine = machine(&profile("cartesian"));

@@ -1,5 +1,6 @@
-//! `ferrostep import`: configurations, each with one thing that is easily taken for another machine's. A folder of
-//! `tests/cases/import` has a configuration and `expect.json`: the expected result.
+//! `ferrostep import`: configurations, each with one thing that is easily taken for another
+//! machine's. A folder of `tests/cases/import` has a configuration and `expect.json`: the
+//! expected result.
 
 use std::path::{Path, PathBuf};
 
@@ -125,7 +126,8 @@ fn is_near(found: &Value, expected: &Value) -> bool {
     }
 }
 
-/// A machine that the file does not describe is refused with each line; by permission it is assumed, and the status says so.
+/// A machine that the file does not describe is refused with each line; by permission it is
+/// assumed, and the status says so.
 #[test]
 fn what_the_machine_is_is_assumed_by_permission_alone() {
     let case = ferrostep_testkit::program::repository().join("tests/cases/import/k17-steps-beyond-range/printer.cfg");
@@ -192,7 +194,8 @@ fn what_cannot_be_told_is_refused_with_its_line() {
     }
 }
 
-/// Names of files as Python's glob has them, in any part; a file that is not there is named at the beginning.
+/// Names of files as Python's glob has them, in any part; a file that is not there is named
+/// at the beginning.
 #[test]
 fn included_files_are_found_as_klipper_finds_them() {
     let directory = directory();
@@ -232,7 +235,8 @@ fn macros_of_plain_lines_are_kept() {
     assert!(purge.kept.is_none() && purge.why.contains("expects what is in it: G1"), "{purge:#?}");
 }
 
-/// A key that cannot be kept takes no table with it that describes the machine: it moves, or the file is refused.
+/// A key that cannot be kept takes no table with it that describes the machine: it moves, or the
+/// file is refused.
 #[test]
 fn what_cannot_be_kept_takes_no_identity_with_it() {
     let read = |name: &str| {
@@ -241,7 +245,8 @@ fn what_cannot_be_kept_takes_no_identity_with_it() {
     let klipper = read("k23-control-plain/printer.cfg");
     let of = |text: &str| ferrostep_import::of_text("printer.cfg", text, &mut |_| Err("none".to_owned()));
     let keys = |text: &str| of(text).map(|imported| imported.profile.parse::<toml::Table>().unwrap());
-    // Homing by stalls more slowly than the driver can measure: both approaches, and the speed up to which it is quiet, move.
+    // Homing by stalls more slowly than the driver can measure: both approaches, and the speed up
+    // to which it is quiet, move.
     let slow = klipper.replace("endstop_pin: ^PA2", "endstop_pin: tmc2209_stepper_x:virtual_endstop").replacen(
         "[stepper_x]",
         "[tmc2209 stepper_x]\nrun_current: 0.6\ndriver_sgthrs: 80\nstealthchop_threshold: 0\n[stepper_x]\nhoming_speed: 16",
@@ -291,8 +296,8 @@ fn what_cannot_be_kept_takes_no_identity_with_it() {
     assert!(row.kept.is_none() && row.why.starts_with("no probe is defined"), "{row:#?}");
 }
 
-/// Marlin's numbers of sensors, at temperatures of Marlin's tables: the reading there is a degree off at most, within
-/// the range that a hot end or a bed uses.
+/// Marlin's numbers of sensors, at temperatures of Marlin's tables: the reading there is a degree
+/// off at most, within the range that a hot end or a bed uses.
 #[test]
 fn marlins_sensors_read_as_its_tables_do() {
     let marlin = ferrostep_testkit::program::repository().join("tests/cases/import/m24-control-plain/Configuration.h");
@@ -327,7 +332,8 @@ fn marlins_sensors_read_as_its_tables_do() {
     }
 }
 
-/// The temperature at a resistance by a profile's sensor: by beta, or by Steinhart and Hart's equation through three points.
+/// The temperature at a resistance by a profile's sensor: by beta, or by Steinhart and Hart's
+/// equation through three points.
 fn temperature(sensor: &toml::Value, ohm: f64) -> f64 {
     const KELVIN: f64 = 273.15;
     let number = |value: &toml::Value| value.as_float().unwrap();

@@ -4,8 +4,8 @@ use serde_json::Value;
 
 use crate::end_to_end::imports::{klipper, lost, marlin, profile, says};
 
-/// Marlin's skew is imported from lengths or from factors, which win if both are given; without its switch, nothing is
-/// imported.
+/// Marlin's skew is imported from lengths or from factors, which win if both are given; without its
+/// switch, nothing is imported.
 #[test]
 fn marlins_skew_is_kept() {
     let lengths = "#define XY_DIAG_AC 142.2\n#define XY_DIAG_BD 140.6\n#define XY_SIDE_AD 100\n";
@@ -91,7 +91,8 @@ fn a_motion_sensor_is_kept() {
     says(&imported, "filament_switch.missing_is_low = true\n");
     assert!(lost(&imported, "[filament_switch_sensor toolhead] switch_pin").is_none());
     assert_eq!(lost(&imported, "[filament_motion_sensor encoder] extruder").unwrap(), "one extruder");
-    // A sensor that pauses nothing is left out; without a length the profile's default is Klipper's.
+    // A sensor that pauses nothing is left out; without a length the profile's
+    // default is Klipper's.
     let imported = klipper(&text.replace("^PC2", "^PC2\npause_on_runout = False"));
     says(&imported, "filament_sensor = { missing_is_low = true }\n");
     let imported = klipper(&text.replace("detection_length = 2.88\n", ""));

@@ -56,7 +56,8 @@ fn chunked(body: &str) -> Vec<u8> {
     answer
 }
 
-/// Klipper's object of a configuration: its settings as the file has them, and as Klipper takes them.
+/// Klipper's object of a configuration: its settings as the file has them, and as
+/// Klipper takes them.
 fn configfile(text: &str) -> String {
     let mut sections: Vec<(String, Vec<(String, String)>)> = Vec::new();
     for line in text.lines().map(|line| line.split('#').next().unwrap().trim_end()).filter(|line| !line.is_empty()) {

@@ -5,7 +5,8 @@ use serde_json::Value;
 
 use super::imports::{self, lost, marlin, profile, says};
 
-/// A machine of Klipper's with a probe; the corners and points of its gantry are those of a Voron 2.4 of 300 mm.
+/// A machine of Klipper's with a probe; the corners and points of its gantry are those of a
+/// Voron 2.4 of 300 mm.
 const KLIPPER: &str = "[printer]\nkinematics: corexy\nmax_velocity: 300\nmax_accel: 3000\n\
                        [stepper_x]\nrotation_distance: 40\nmicrosteps: 32\nposition_endstop: 300\nposition_max: 300\n\
                        endstop_pin: PG6\n[stepper_y]\nrotation_distance: 40\nmicrosteps: 32\nposition_endstop: 300\n\
@@ -51,8 +52,9 @@ fn a_gantry_on_four_belts_is_kept() {
     assert_eq!(profile.driver.inverted, 0b0100);
 }
 
-/// Klipper came with these weights from four heights to the motors', in a log that an owner has published: a Voron 2.4
-/// of 350 mm, corners at -60, -10 and 410, 420, whose probe is 25 mm behind the nozzle (pastebin.com/KM4f90cM).
+/// Klipper came with these weights from four heights to the motors', in a log that an owner has
+/// published: a Voron 2.4 of 350 mm, corners at -60, -10 and 410, 420, whose probe is 25 mm behind
+/// the nozzle (pastebin.com/KM4f90cM).
 #[test]
 fn four_motors_stand_where_klipper_finds_them() {
     let motors = "[z_motors.motors]\nz = { x = -60, y = -10 }\nz2 = { x = -60, y = 420 }\ne1 = { x = 410, y = 420 }\n\

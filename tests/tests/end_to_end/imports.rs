@@ -167,8 +167,8 @@ fn marlins_configuration_becomes_a_profile() {
     every_line_has_a_row(&imported, "Configuration_adv.h", |line| line.starts_with("#define"));
 }
 
-/// Klipper homes once by a stall, at the full speed, and in stealthChop whatever it prints in; a profile's approaches and modes must
-/// let the signal come as well.
+/// Klipper homes once by a stall, at the full speed, and in stealthChop whatever it prints in; a
+/// profile's approaches and modes must let the signal come as well.
 #[test]
 fn a_machine_that_homes_by_stalls_homes_by_stalls() {
     let imported = import("sensorless.cfg");

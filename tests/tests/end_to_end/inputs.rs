@@ -1,5 +1,5 @@
-//! The kinds of jobs: text and binary G-code and prepared jobs, plain or gzip, from files and standard input; and the refusal of
-//! all other files.
+//! The kinds of jobs: text and binary G-code and prepared jobs, plain or gzip, from files and
+//! standard input; and the refusal of all other files.
 
 use std::io::Write;
 use std::path::Path;
@@ -17,7 +17,8 @@ fn fed(arguments: &[&str], input: &[u8]) -> Outcome {
     let mut pipe = child.stdin.take().unwrap();
     std::thread::scope(|scope| {
         scope.spawn(move || {
-            // Piece by piece, the first ones small; a command that refuses its input leaves the rest.
+            // Piece by piece, the first ones small; a command that refuses its input
+            // leaves the rest.
             let (first, rest) = input.split_at(input.len().min(3));
             let _ = pipe.write_all(first).and_then(|()| pipe.flush()).and_then(|()| pipe.write_all(rest));
         });
@@ -37,7 +38,8 @@ fn summary(outcome: &Outcome) -> Value {
     for key in ["file", "out", "wall_s", "realtime_factor", "slicer", "lines"] {
         summary.as_object_mut().unwrap().remove(key);
     }
-    // Binary G-code has the commands, not all comments: its lines differ, and so does the slicer's time.
+    // Binary G-code has the commands, not all comments: its lines differ, and so does
+    // the slicer's time.
     summary.as_object_mut().unwrap().remove("slicer_time_s");
     for remark in summary["remarks"].as_array_mut().unwrap() {
         remark.as_object_mut().unwrap().remove("lines");

@@ -1,4 +1,5 @@
-//! Prints that are interrupted at random instants: the finished part is that of an undisturbed print.
+//! Prints that are interrupted at random instants: the finished part is that of an
+//! undisturbed print.
 
 use ferrostep_planner::{PressureAdvance, StepObserver, TICKS_PER_SECOND};
 use ferrostep_printer::{FilamentSensor, FilamentSensorKind, Profile};
@@ -57,7 +58,8 @@ fn machine(advance_s: f64) -> Machine {
 
 const PRELUDE: [&str; 6] = ["M109 S200", "G28", "M83", "G1 X20 Y30 Z0.2 F6000", "G1 E3 F300", "G92 E0"];
 
-/// Two layers of short and long lines, with retractions of both kinds, lifts, and lines in relative coordinates.
+/// Two layers of short and long lines, with retractions of both kinds, lifts, and lines in
+/// relative coordinates.
 fn program(random: &mut Seeded) -> Vec<String> {
     let mut lines = Vec::new();
     for layer in 1..=2 {
@@ -88,7 +90,8 @@ fn program(random: &mut Seeded) -> Vec<String> {
 /// A person's action in a print, or an event that disturbs it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Interruption {
-    /// The host's print has such a line, or its owner has pressed a button: it comes after the line that is being answered.
+    /// The host's print has such a line, or its owner has pressed a button: it comes after the line
+    /// that is being answered.
     Line(&'static str),
     /// The host pauses by itself for a while.
     HostWaits,
@@ -180,8 +183,8 @@ fn print(machine: Machine, lines: &[String], plan: &[(f64, Interruption)], rando
     Interrupted { steps: machine.into_observer().0, happened, pauses, is_halted, duration_s }
 }
 
-/// State of a growing part: positions of nozzle and filament after each event of X, Y or Z, steps, and the filament
-/// that has come out until then, mm^3.
+/// State of a growing part: positions of nozzle and filament after each event of X, Y or Z, steps,
+/// and the filament that has come out until then, mm^3.
 #[derive(Clone, Copy, Debug)]
 struct Point {
     place: [i64; 3],
@@ -227,8 +230,8 @@ struct Difference {
     aside_mm3: f64,
 }
 
-/// Follows the undisturbed print's path in the interrupted one. Leaves out each way of the nozzle aside: from the place
-/// where it leaves the path until it is back there.
+/// Follows the undisturbed print's path in the interrupted one. Leaves out each way of the nozzle
+/// aside: from the place where it leaves the path until it is back there.
 fn follow(
     undisturbed: &[Point],
     interrupted: &[Point],
@@ -294,7 +297,8 @@ fn prints_that_are_interrupted_a_thousand_times_make_the_same_part() {
                 .collect();
             plan.sort_by(|a, b| a.0.total_cmp(&b.0));
             let interrupted = print(machine(advance_s), &lines, &plan, &mut random);
-            // Without an advance, to the step; with it the filament runs ahead, and less so where it stops.
+            // Without an advance, to the step; with it the filament runs ahead, and less
+            // so where it stops.
             let slack_steps = [1, 12][advances];
             let got = follow(&expected, &points(&interrupted.steps), slack_steps, interrupted.is_halted);
             let difference = got.unwrap_or_else(|error| panic!("print {number}, {plan:?}: {error}"));
@@ -309,7 +313,8 @@ fn prints_that_are_interrupted_a_thousand_times_make_the_same_part() {
     }
     eprintln!("{interruptions} interruptions of {prints} prints, {pauses} pauses, {halts} halts: {worst:?}");
     assert!(pauses > interruptions / 2, "{pauses} pauses in {interruptions} interruptions");
-    // Without an advance the nozzle's pressure comes out at each stop: at 1.9 mm/s of filament 0.18 mm^3. With it a tenth of that.
+    // Without an advance the nozzle's pressure comes out at each stop: at 1.9 mm/s of filament 0.18
+    // mm^3. With it a tenth of that.
     let [without, with] = worst;
     // Every other print is of a kind.
     let least = 5 * prints / 2;

@@ -1,4 +1,5 @@
-//! Remarks of `print`, `estimate` and `preprocess` on a job: lines without effect, and findings of the rehearsal.
+//! Remarks of `print`, `estimate` and `preprocess` on a job: lines without effect, and findings
+//! of the rehearsal.
 
 use std::fs;
 
@@ -165,8 +166,8 @@ fn jobs_for_other_machines_stop() {
     }
 }
 
-/// Purge lines beside the bed, as the slicer's start code of the MINI and the MK3S has them, are drawn where they are
-/// asked for, on machines whose travel goes there.
+/// Purge lines beside the bed, as the slicer's start code of the MINI and the MK3S has them, are
+/// drawn where they are asked for, on machines whose travel goes there.
 #[test]
 fn purge_lines_beside_the_bed_are_drawn_there() {
     let mk3s = changed(
@@ -194,7 +195,8 @@ fn purge_lines_beside_the_bed_are_drawn_there() {
         let [x, y, z, _] = ended.logical_10nm.map(|length_10nm| length_10nm as f64 / 100_000.0);
         assert_eq!([x, y, z], end_mm, "{}", machine.name);
     }
-    // The line is drawn at the travel's edge on a machine whose travel ends at the bed, and a remark says so.
+    // The line is drawn at the travel's edge on a machine whose travel ends at the bed, and
+    // a remark says so.
     let outcome = run("print", "G28\nG1 Y-3 F1000\nM84\n", &changed("cartesian", &[]), &[]);
     assert_eq!(kinds(&outcome.json()), ["soft_limit"], "{outcome:#?}");
 }

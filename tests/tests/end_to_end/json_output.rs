@@ -1,4 +1,5 @@
-//! Standard output with `--json`: one JSON value and nothing else, for every command that has the option.
+//! Standard output with `--json`: one JSON value and nothing else, for every command
+//! that has the option.
 
 use std::collections::BTreeSet;
 
@@ -86,7 +87,8 @@ fn every_command_with_the_option_prints_one_value() {
         assert!(matches!(outcome.status, Some(0 | 1)), "{command} {arguments:?} {outcome:#?}");
         assert!(outcome.json().is_object(), "{command} {arguments:?} {outcome:#?}");
     }
-    // `serve` prints its value when it is switched off: each of its tests (tests/serve/) reads all of it.
+    // `serve` prints its value when it is switched off: each of its tests (tests/serve/)
+    // reads all of it.
     let served = cfg!(unix).then_some("serve");
     let run: BTreeSet<String> = runs.iter().map(|(command, _)| *command).chain(served).map(str::to_owned).collect();
     assert_eq!(commands(), run, "commands with --json, and those that were run");

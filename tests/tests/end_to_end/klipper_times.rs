@@ -1,6 +1,8 @@
-//! Print times by profiles of `ferrostep import` beside those of Klipper's own look-ahead, for five machines and the ten examples.
+//! Print times by profiles of `ferrostep import` beside those of Klipper's own look-ahead, for five
+//! machines and the ten examples.
 //!
-//! `times.csv` is the output of `tests/hosts/klipper_times.py`, whose text lists the changes in the jobs.
+//! `times.csv` is the output of `tests/hosts/klipper_times.py`, whose text lists the
+//! changes in the jobs.
 
 use std::f64::consts::TAU;
 use std::fmt::Write;

@@ -10,7 +10,8 @@ use crate::end_to_end::command::{directory, example, ferrostep, file, repository
 /// The greatest errors that a method may make: from the line, and of each motor from its law.
 struct Bounds {
     method: &'static str,
-    /// Error across the line, in pulses: steps of 1/80 mm, or of 1/160 mm of both motors of the CoreXY machine.
+    /// Error across the line, in pulses: steps of 1/80 mm, or of 1/160 mm of both motors of
+    /// the CoreXY machine.
     path_pulses: f64,
     /// Error beyond the one step that the default's motors may be off, in steps.
     plane_steps: f64,

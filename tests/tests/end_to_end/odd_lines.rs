@@ -1,5 +1,5 @@
-//! Odd lines of slicers and of programs for other machines: the print continues as on Marlin, and one echo, or a remark
-//! of the summary, reports the part that was ignored.
+//! Odd lines of slicers and of programs for other machines: the print continues as on Marlin, and
+//! one echo, or a remark of the summary, reports the part that was ignored.
 
 use serde_json::Value;
 

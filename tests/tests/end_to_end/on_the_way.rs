@@ -119,8 +119,9 @@ fn sliced_files_take_less_time_and_the_same_filament() {
     keep("sliced files", table.trim_end());
 }
 
-/// Retractions on the way leave the motors' positions and the filament as at stops, with shapers and an advance and
-/// without, and no gap between the steps. Without filters each motor makes the same number of steps.
+/// Retractions on the way leave the motors' positions and the filament as at stops, with shapers
+/// and an advance and without, and no gap between the steps. Without filters each motor makes the
+/// same number of steps.
 #[test]
 fn a_print_makes_the_same_steps() {
     let directory = directory();
@@ -140,7 +141,8 @@ fn a_print_makes_the_same_steps() {
     }
 }
 
-/// Retractions on the way let no more filament ooze on the simulated nozzle than stops do, and the lines are printed as well.
+/// Retractions on the way let no more filament ooze on the simulated nozzle than stops do, and the
+/// lines are printed as well.
 #[test]
 fn no_more_oozes() {
     let directory = directory();

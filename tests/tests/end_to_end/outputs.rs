@@ -254,15 +254,16 @@ fn wait_for_part(directory: &TempDir, names_before: usize) {
     }
 }
 
-/// Starts the command with its signals as in a terminal, also where the tests run under `nohup` or in the background of a
-/// script, whose children would ignore some.
+/// Starts the command with its signals as in a terminal, also where the tests run under `nohup` or
+/// in the background of a script, whose children would ignore some.
 fn start_in_terminal(arguments: [&str; 4]) -> Child {
     let mut command = Command::new("env");
     command.arg("--default-signal=INT,TERM,HUP").arg(crate::end_to_end::command::program()).args(arguments);
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
-/// Sends a signal to a command that has begun its output and waits for more of its input; returns its end.
+/// Sends a signal to a command that has begun its output and waits for more of its input;
+/// returns its end.
 fn interrupted(child: Child, signal: &str, directory: &TempDir, names_before: usize) -> Option<i32> {
     wait_for_part(directory, names_before);
     send_signal(signal, child.id());
@@ -287,8 +288,8 @@ fn an_interrupted_command_leaves_the_old_file_and_no_part() {
     }
 }
 
-/// The command must survive the terminal under `nohup`. The second signal, which is not ignored, ends it: an effect of
-/// the first would have come before.
+/// The command must survive the terminal under `nohup`. The second signal, which is not ignored,
+/// ends it: an effect of the first would have come before.
 #[test]
 fn an_ignored_signal_stays_ignored() {
     let directory = directory();

@@ -1,4 +1,5 @@
-//! A serial line that is faster than its reader: whole lines are executed or dropped, never two halves joined.
+//! A serial line that is faster than its reader: whole lines are executed or dropped, never
+//! two halves joined.
 
 use std::cell::RefCell;
 
@@ -10,7 +11,8 @@ use crate::end_to_end::desk::profile;
 use crate::end_to_end::hosts::{Machine, machine};
 use crate::end_to_end::repeats::Seeded;
 
-/// Sends lines without waiting; the board reads one byte of the ring while `slowness` come. Returns its replies, in order.
+/// Sends lines without waiting; the board reads one byte of the ring while `slowness` come. Returns
+/// its replies, in order.
 fn send(machine: &Machine, lines: &[String], room: usize, slowness: usize, random: &mut Seeded) -> (Vec<String>, u32) {
     let mut ring = PortBuffers { room, ..PortBuffers::default() };
     let (mut incoming, mut reader, mut host) = (Incoming::new(), Lines::new(), Host::new());

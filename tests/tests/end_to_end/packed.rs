@@ -1,4 +1,5 @@
-//! A host that packs its lines (MeatPack), at a port of a board: from received bytes to executed lines.
+//! A host that packs its lines (MeatPack), at a port of a board: from received bytes
+//! to executed lines.
 
 use ferrostep_gcode::Emergency;
 use ferrostep_gcode::meatpack::{BEGIN, END, pack};
@@ -70,8 +71,8 @@ fn packed_lines_are_lines() {
     assert_eq!(port.say(b"G92 X1\n"), ["ok"]);
 }
 
-/// A changed bit anywhere in a packed line shows in the line's checksum, or leaves no valid line. The line is asked for again, and
-/// the next packed line is whole.
+/// A changed bit anywhere in a packed line shows in the line's checksum, or leaves no valid line.
+/// The line is asked for again, and the next packed line is whole.
 #[test]
 fn the_checksum_guards_a_packed_line() {
     let mut random = Seeded::new(12);

@@ -116,8 +116,9 @@ fn compare_prints_a_file_in_every_way() {
             let number = |name: &str| row[column(name)].as_f64().unwrap_or_else(|| panic!("{name} of {row}"));
             let limit = if profile == "corexy" { 10_000.0 } else { 1_000.0 };
             assert!(number("motion") > 1.0 && number("most events") > 1_000.0, "{row}");
-            // Differences over 10 ms of positions that are whole steps, which of point-by-point are the coarsest. The
-            // paper's table is slow: 30,000 Hz/s at most, whatever the machine could do.
+            // Differences over 10 ms of positions that are whole steps, which of point-by-point
+            // are the coarsest. The paper's table is slow: 30,000 Hz/s at most, whatever the
+            // machine could do.
             let (least, most) = match (row[0].as_str().unwrap(), row[1].as_str().unwrap()) {
                 (_, "s-curve-table") => (100.0, limit),
                 ("point-by-point", _) => (0.4 * limit, 1.2 * limit),

@@ -1,7 +1,9 @@
-//! The delay of a host's pause and cancel: virtual time from a click to standstill, and to heaters that are off.
+//! The delay of a host's pause and cancel: virtual time from a click to standstill, and to
+//! heaters that are off.
 //!
-//! A host streams a file and clicks at the worst moment, just when it has sent a line: that line is answered when there is room for
-//! it, and then the host sends no more. The same instants with Marlin's queue are computed: it ends the move under way and 15 more.
+//! A host streams a file and clicks at the worst moment, just when it has sent a line: that line is
+//! answered when there is room for it, and then the host sends no more. The same instants with
+//! Marlin's queue are computed: it ends the move under way and 15 more.
 
 use std::cell::RefCell;
 use std::fmt::Write;
@@ -172,8 +174,8 @@ fn pause_and_cancel_act_within_seconds() {
         ("`examples/cube.gcode`", example("cube.gcode"), 2.1, 0.9),
         ("`examples/supports.gcode.gz`", example("supports.gcode.gz"), 2.8, 1.6),
         ("`examples/vase.gcode.gz`", example("vase.gcode.gz"), 2.4, 0.8),
-        // The limit: moves that are certain, the move whose end speed the next one may change, and the one that the
-        // host has just sent.
+        // The limit: moves that are certain, the move whose end speed the next one may change, and
+        // the one that the host has just sent.
         ("moves of 180 mm at 50 mm/s", long_moves(), 0.6 + 2.0 * 3.7, 3.7),
     ] {
         let clicks = clicks(&profile, &commands(&text));
@@ -194,8 +196,8 @@ fn pause_and_cancel_act_within_seconds() {
     book::keep(&repository().join("docs/src/hosts.md"), "pause times", &table).unwrap();
 }
 
-/// A host that takes 10 ms for each line, OctoPrint on a small computer, sends fast enough for these files: the plan is that of the
-/// whole file, to the tick.
+/// A host that takes 10 ms for each line, OctoPrint on a small computer, sends fast enough for
+/// these files: the plan is that of the whole file, to the tick.
 #[test]
 fn a_host_of_ten_milliseconds_a_line_makes_the_steps_of_the_file() {
     let profile = profile("cartesian");

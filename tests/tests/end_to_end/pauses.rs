@@ -105,7 +105,8 @@ fn a_filament_change_goes_aside_waits_and_goes_back() {
     }
 }
 
-/// A pause while Z follows a sheet that is tilted and bent: parked above it, back at its place, and Z follows it again.
+/// A pause while Z follows a sheet that is tilted and bent: parked above it, back at its place, and
+/// Z follows it again.
 #[test]
 fn a_pause_over_a_mesh_goes_back_to_its_place() {
     let text = ferrostep_profiles::builtin_text("prusa-mini").unwrap();
@@ -223,7 +224,8 @@ fn the_place_to_wait_is_in_the_line_and_bad_words_change_nothing() {
     assert_eq!([x, y, z], [150 * 80, 20 * 80, 45 * 400]);
 }
 
-/// The profile says where the nozzle waits and how much filament M600 moves; the command's words go before it.
+/// The profile says where the nozzle waits and how much filament M600 moves; the command's
+/// words go before it.
 #[test]
 fn a_filament_change_draws_the_old_filament_out_and_pushes_the_new_one_in() {
     let place = PauseSettings {
@@ -253,7 +255,8 @@ fn a_filament_change_draws_the_old_filament_out_and_pushes_the_new_one_in() {
         let retraction_mm = out_mm - unload_mm;
         assert!((0.1..10.0).contains(&retraction_mm), "{line}: {out_mm} mm drawn out");
         assert_eq!(enabled & 0b1000 == 0, line.starts_with("M600"), "{line}: the extruder's motor");
-        // The print that continues lacks the filament that was drawn out and not pushed in; E does not see it.
+        // The print that continues lacks the filament that was drawn out and not pushed in; E
+        // does not see it.
         print.conversation.finish();
         let [x, y, z, e] = machine.desk().motor_steps();
         assert_eq!([x, y, z], before.1[..3], "{line}");
@@ -263,8 +266,9 @@ fn a_filament_change_draws_the_old_filament_out_and_pushes_the_new_one_in() {
     }
 }
 
-/// The second button of M600's prompt pushes the new filament in, and more each time it is pressed; filament that was
-/// pushed is not pushed again when the print continues, and E does not see it. M601's prompt has no such button.
+/// The second button of M600's prompt pushes the new filament in, and more each time it is pressed;
+/// filament that was pushed is not pushed again when the print continues, and E does not see it.
+/// M601's prompt has no such button.
 #[test]
 fn more_filament_is_pushed_by_a_button() {
     let mut profile = profile("cartesian");
@@ -330,7 +334,8 @@ fn a_cold_nozzle_is_not_unloaded() {
     assert_eq!(machine.desk().motor_steps(), before);
 }
 
-/// M25 is a host's own pause: it waits itself, and its next move goes back first. Meanwhile a person moves the machine by hand.
+/// M25 is a host's own pause: it waits itself, and its next move goes back first. Meanwhile a
+/// person moves the machine by hand.
 #[test]
 fn a_host_that_pauses_by_itself_finds_the_print_where_it_was() {
     let machine = machine(&profile("cartesian"));
@@ -362,7 +367,8 @@ fn a_host_that_pauses_by_itself_finds_the_print_where_it_was() {
     assert_eq!(print.stands_mm(), [20.0, 30.0, 5.0]);
 }
 
-/// A mode that the print sets first after its host's pause is the print's: it goes back before the mode is set, which then holds.
+/// A mode that the print sets first after its host's pause is the print's: it goes back before the
+/// mode is set, which then holds.
 #[test]
 fn a_mode_that_comes_first_after_a_host_s_pause_is_the_print_s() {
     let place_mm = |mode: &str, line: &str| {
@@ -413,7 +419,8 @@ fn heaters_that_went_off_in_a_pause_are_hot_again_before_anything_moves() {
     assert_eq!((print.target(Heater::Nozzle), print.target(Heater::Bed)), (200.0, 60.0));
 }
 
-/// The board knows moves of minutes when a print's end code arrives: they are made with the heat for which they were written.
+/// The board knows moves of minutes when a print's end code arrives: they are made with the heat
+/// for which they were written.
 #[test]
 fn a_nozzle_stays_hot_until_the_moves_before_are_made() {
     for off in ["M104 S0", "M104 S150", "M109 R100"] {

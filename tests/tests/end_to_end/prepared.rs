@@ -1,4 +1,5 @@
-//! Prepared jobs make the same steps as the G-code with unlimited look-ahead, and files that are not jobs make none.
+//! Prepared jobs make the same steps as the G-code with unlimited look-ahead, and files that are
+//! not jobs make none.
 
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -100,7 +101,8 @@ fn other_slicers() {
 proptest! {
     #![proptest_config(ferrostep_random_cases::share_of_cases(200))]
 
-    /// A prepared job is executed as planned to the last record of the trace: every step at its tick, every move's end.
+    /// A prepared job is executed as planned to the last record of the trace: every step at its
+    /// tick, every move's end.
     #[test]
     fn any_program_is_executed_as_planned(program in program(), name in prop::sample::select(vec!["cartesian", "corexy"])) {
         let machine = profile(name);
@@ -122,7 +124,8 @@ proptest! {
         }
     }
 
-    /// A file is refused after any change, or the change does not matter; the machine keeps to its limits and stops.
+    /// A file is refused after any change, or the change does not matter; the machine keeps to its
+    /// limits and stops.
     #[test]
     fn a_changed_file_is_answered(changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4)) {
         let machine = profile("cartesian");
@@ -221,7 +224,8 @@ fn content_decides_what_a_file_is() {
     says(&outcome.stderr, "this is a prepared job already");
 }
 
-/// Filters are the machine's that prints: a job may set them, and is prepared for a machine with any.
+/// Filters are the machine's that prints: a job may set them, and is prepared for a
+/// machine with any.
 #[test]
 fn a_prepared_job_sets_filters_where_the_gcode_does() {
     let directory = directory();
@@ -231,7 +235,8 @@ fn a_prepared_job_sets_filters_where_the_gcode_does() {
     let profiles = [plain.clone(), format!("{plain}\n{shaper}")];
     let [plain, shaped] = [("plain.toml", &profiles[0]), ("shaped.toml", &profiles[1])]
         .map(|(name, text)| file(&directory, name, text).to_str().unwrap().to_owned());
-    // The first line sets what the second machine already has: it is a standstill nevertheless, as planned.
+    // The first line sets what the second machine already has: it is a standstill
+    // nevertheless, as planned.
     let gcode = "G28\nG1 X20 F6000\nG1 X40 Y1\nSET_INPUT_SHAPER SHAPER_TYPE_X=mzv SHAPER_FREQ_X=50\nG1 X60 Y2\nG1 X80\n\
                  M593 Y P\"zvd\" F44 S0.05\nG1 X90 Y30\nG1 X70 Y60\nM593 F0\nG1 X20\nM593\n";
     let gcode = file(&directory, "job.gcode", gcode).to_str().unwrap().to_owned();
@@ -257,7 +262,8 @@ fn preprocess_leaves_no_file_if_the_job_stops() {
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
 }
 
-/// A job brings its own heights. A shift before it would be lost, or count twice, and is refused by name.
+/// A job brings its own heights. A shift before it would be lost, or count twice, and is
+/// refused by name.
 #[test]
 fn a_prepared_job_is_refused_while_z_is_shifted() {
     let directory = directory();
@@ -353,8 +359,9 @@ fn spiral() -> String {
     text
 }
 
-/// Part of an extruder step may be owed from before, and the flow may differ from the plan's: then the extruder steps at other
-/// places within a block that joins many moves. That is not a fault of the plan.
+/// Part of an extruder step may be owed from before, and the flow may differ from the plan's:
+/// then the extruder steps at other places within a block that joins many moves. That is not a
+/// fault of the plan.
 #[test]
 fn a_job_prints_after_any_filament_and_at_any_flow() {
     let machine = profile("corexy");
@@ -384,7 +391,8 @@ fn a_job_prints_after_any_filament_and_at_any_flow() {
     }
 }
 
-/// A flow that is too fast for the extruder at the plan's speeds ends the job there, at rest on its path.
+/// A flow that is too fast for the extruder at the plan's speeds ends the job there, at
+/// rest on its path.
 #[test]
 fn too_much_flow_ends_the_job_at_rest() {
     let machine = profile("cartesian");
@@ -417,7 +425,8 @@ fn the_benchmarked_jobs_are_of_the_current_planner() {
     }
 }
 
-/// Prints packets whose last place says another E, and then one that has no meaning; E afterwards, mm.
+/// Prints packets whose last place says another E, and then one that has no meaning;
+/// E afterwards, mm.
 fn extruder_after_refusal(extruder_10nm: i64) -> f64 {
     let machine = profile("cartesian");
     let gcode = b"M302 P1\nG28\nG1 X10 E2 F3000\nG1 X20 E3\nM400\nG1 X30 E4\nM400\n";

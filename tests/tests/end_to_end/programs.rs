@@ -96,10 +96,11 @@ fn ends_well(bytes: &[u8], machine: &str) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-/// Returns true if X, Y, Z hardly move in a move in which much filament does: several hundred times as far.
+/// Returns true if X, Y, Z hardly move in a move in which much filament does: several
+/// hundred times as far.
 ///
-/// Such a move may or may not count as one of the extruder alone, and so may the ends of an arc's chords. The speeds next to it
-/// depend on that, the positions do not.
+/// Such a move may or may not count as one of the extruder alone, and so may the ends of an arc's
+/// chords. The speeds next to it depend on that, the positions do not.
 fn has_almost_extruder_only_moves(job: &Job) -> bool {
     job.moves.iter().any(|one| {
         let way = one.start_10nm.iter().zip(one.end_10nm).map(|(from, to)| (to - from) as f64);

@@ -53,8 +53,8 @@ fn clock(line: &str, word: &str) -> Option<u32> {
     text.split(':').try_fold(0, |sum, part| Some(sum * 60 + part.parse::<u32>().ok()?))
 }
 
-/// The lines that the bar shows: percent, seconds printed, seconds left; some of them lie in the middle of the print.
-/// Checks that the share only rises and the remaining time only falls.
+/// The lines that the bar shows: percent, seconds printed, seconds left; some of them lie in the
+/// middle of the print. Checks that the share only rises and the remaining time only falls.
 #[track_caller]
 fn shown(arguments: &[&str]) -> Vec<(u32, u32, u32)> {
     let lines = drawn(arguments);
@@ -67,7 +67,8 @@ fn shown(arguments: &[&str]) -> Vec<(u32, u32, u32)> {
     shown
 }
 
-/// All of the file is read in one portion. The printed and the remaining time make up the time of the whole print.
+/// All of the file is read in one portion. The printed and the remaining time make up the time of
+/// the whole print.
 #[test]
 fn the_bar_follows_packed_gcode() {
     let whole = ferrostep(["print", "examples/supports.gcode.gz", "--json"]).json()["print_time_s"].as_f64().unwrap();

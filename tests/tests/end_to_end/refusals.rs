@@ -38,8 +38,8 @@ struct Done {
     replies: Vec<String>,
 }
 
-/// Executes lines as a host sends them: a refused one is followed by the next. Returns the state, and true for each
-/// line that was refused.
+/// Executes lines as a host sends them: a refused one is followed by the next. Returns the state,
+/// and true for each line that was refused.
 fn execute<'a>(profile: &Profile, lines: impl IntoIterator<Item = &'a str>) -> (Done, Vec<bool>) {
     let session = Session::print(*profile, LOOK_AHEAD_BLOCKS, (), Collector::default());
     let mut printer = session.printer();

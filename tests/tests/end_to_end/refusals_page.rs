@@ -1,7 +1,7 @@
 //! The page of refusals in the book: the command's answer to each kind of bad input, word for word.
 //!
-//! The page is compared with the present answers. `FERROSTEP_REFRESH=1` writes it anew; the difference then shows whether a
-//! refusal lost its place, its figures or its cure.
+//! The page is compared with the present answers. `FERROSTEP_REFRESH=1` writes it anew; the
+//! difference then shows whether a refusal lost its place, its figures or its cure.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -17,7 +17,8 @@ What `ferrostep print` answers to bad input; a board sends the same words over i
 before it are finished, and the job ends there. A test compares this page with the command, word for word.
 ";
 
-/// Lines of G-code that are refused after `G28`, a line of the page each; `\\n` separates lines, the last of which is refused.
+/// Lines of G-code that are refused after `G28`, a line of the page each; `\\n` separates lines,
+/// the last of which is refused.
 const LINES: &[&str] = &[
     // The line cannot be read.
     "G1 X20 Y1.2.3",
@@ -165,7 +166,8 @@ const PROFILES: &[(&str, &str, &str)] = &[
     ("prusa-mini", "back_off_mm = 2.56", "back_off_mm = 1.99"),
 ];
 
-/// Zip archives of empty files: `[Content_Types].xml`; `Metadata/plate_1.gcode` and `plate_2.gcode`; `cube.gcode`.
+/// Zip archives of empty files: `[Content_Types].xml`; `Metadata/plate_1.gcode` and
+/// `plate_2.gcode`; `cube.gcode`.
 const PROJECT: &[u8] = b"PK\x03\x04\x14\0\0\0\0\0\0\0!\0\0\0\0\0\0\0\0\0\0\0\0\0\x13\0\0\0[Content_Types].xmlPK\x01\x02\x14\0\x14\0\0\0\0\0\0\0!\0\0\0\0\0\0\0\0\0\0\0\0\0\x13\0\0\0\0\0\0\0\0\0\0\0\x80\x01\0\0\0\0[Content_Types].xmlPK\x05\x06\0\0\0\0\x01\0\x01\0A\0\0\0\x31\0\0\0\0\0";
 const TWO_PLATES: &[u8] = b"PK\x03\x04\x14\0\0\0\0\0\0\0!\0\0\0\0\0\0\0\0\0\0\0\0\0\x16\0\0\0Metadata/plate_1.gcodePK\x03\x04\x14\0\0\0\0\0\0\0!\0\0\0\0\0\0\0\0\0\0\0\0\0\x16\0\0\0Metadata/plate_2.gcodePK\x01\x02\x14\0\x14\0\0\0\0\0\0\0!\0\0\0\0\0\0\0\0\0\0\0\0\0\x16\0\0\0\0\0\0\0\0\0\0\0\x80\x01\0\0\0\0Metadata/plate_1.gcodePK\x01\x02\x14\0\x14\0\0\0\0\0\0\0!\0\0\0\0\0\0\0\0\0\0\0\0\0\x16\0\0\0\0\0\0\0\0\0\0\0\x80\x014\0\0\0Metadata/plate_2.gcodePK\x05\x06\0\0\0\0\x02\0\x02\0\x88\0\0\0h\0\0\0\0\0";
 const ARCHIVE: &[u8] = b"PK\x03\x04\x14\0\0\0\0\0\0\0!\0\0\0\0\0\0\0\0\0\0\0\0\0\x0a\0\0\0cube.gcodePK\x01\x02\x14\0\x14\0\0\0\0\0\0\0!\0\0\0\0\0\0\0\0\0\0\0\0\0\x0a\0\0\0\0\0\0\0\0\0\0\0\x80\x01\0\0\0\0cube.gcodePK\x05\x06\0\0\0\0\x01\0\x01\08\0\0\0(\0\0\0\0\0";

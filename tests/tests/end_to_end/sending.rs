@@ -102,7 +102,8 @@ fn packets_are_refused() {
 fn the_fallback_is_printed_if_the_board_refuses_the_job() {
     let directory = directory();
     let job = job(&directory, "part.gpre", "corexy", &part());
-    // G-code as slicers and people write it: comments, blank lines, letters of old code pages; packed.
+    // G-code as slicers and people write it: comments, blank lines, letters of old
+    // code pages; packed.
     let text = [part().as_bytes(), b"\n; caf\xe9\nM117 \xc2\xb5 \n"].concat();
     let plain = file(&directory, "part.gcode", text);
     let packed = file(&directory, "part.gcode.gz", gzip(part().as_bytes()));
@@ -296,7 +297,8 @@ fn a_killed_host_can_resume() {
     says(&outcome.stderr, "printed");
     let served = board.end();
     assert_eq!(served.jobs, 1, "it did not go on but begin anew");
-    // The bytes of the first host were not sent again: frames are a tenth longer than their content.
+    // The bytes of the first host were not sent again: frames are a tenth longer
+    // than their content.
     assert!(served.taken < length * 13 / 10, "{} bytes for a job of {length}", served.taken);
     assert_printed(&served, &job);
 }
@@ -346,7 +348,8 @@ fn at_terminal(board: &PtyBoard, said: &[u8], answer: &str) {
     board.wait_until_said(answer);
 }
 
-/// `M790` by hand: every line is answered, and the port is free again soon, however long a silence was asked for.
+/// `M790` by hand: every line is answered, and the port is free again soon, however long a
+/// silence was asked for.
 #[test]
 fn text_lines_during_a_transfer_are_answered() {
     let board = PtyBoard::start(board());

@@ -90,7 +90,8 @@ fn a_shaped_print_rings_less_in_hardly_more_time() {
     assert!(ringing[1] * 5.0 < ringing[0], "{ringing:?}");
     let error = [&before, &after].map(|result| number(result, &["contour_error_um", "rms"]));
     assert!(error[1] * 2.0 < error[0], "{error:?}");
-    // The filters' length is added at every standstill that a command waits for, and not a tick more.
+    // The filters' length is added at every standstill that a command waits for, and
+    // not a tick more.
     let times = [&plain, &shaped].map(|job| {
         let [printed, estimated] =
             ["print", "estimate"].map(|command| ferrostep([command, job.as_str(), "--json"]).json());

@@ -1,4 +1,5 @@
-//! `ferrostep simulate`: a job, its trace and its prepared form on a frame that rings, beside Klipper's rules.
+//! `ferrostep simulate`: a job, its trace and its prepared form on a frame that rings, beside
+//! Klipper's rules.
 
 use serde_json::{Value, json};
 
@@ -48,11 +49,12 @@ fn a_job_its_trace_and_its_prepared_form_measure_alike() {
     check_keys(&of_job);
     assert_eq!((of_job["source"].as_str(), of_job["path"].as_str()), (Some("gcode"), Some("gcode")));
     assert_eq!((number(&of_job, &["corners"]), number(&of_job, &["ends"])), (3.0, 4.0));
-    // A sum of blocks beside a time from the first record to the last: they differ by the homing's last wait.
+    // A sum of blocks beside a time from the first record to the last: they differ by the
+    // homing's last wait.
     let (simulated_s, printed_s) = (number(&of_job, &["time_s"]), number(&printed, &["motion_time_s"]));
     assert!((simulated_s - printed_s).abs() < 0.05, "{simulated_s} and {printed_s}");
-    // The same plan without a shaper measures as much as the plan without filters, apart from whole steps of 12.5 um
-    // beside 20 um of ringing.
+    // The same plan without a shaper measures as much as the plan without filters, apart from whole
+    // steps of 12.5 um beside 20 um of ringing.
     assert!((number(&of_job, &["ringing", "relative"]) - 1.0).abs() < 0.35, "{of_job}");
 
     let of_trace = ferrostep(["simulate", &trace, "--path", &job, "--json"]).json();

@@ -10,12 +10,13 @@ use crate::end_to_end::command::{directory, ferrostep, file, repository};
 const SIDE_MM: f64 = 150.0;
 const CORNERS_MM: [[f64; 2]; 4] = [[20.0, 20.0], [20.0, 170.0], [170.0, 170.0], [170.0, 20.0]];
 
-/// Angles of the machines, degrees, by which Y leans towards +X, Z towards +X, and Z towards +Y. If the first two are
-/// both large, the measurements of Y and Z contain their product, which the makers' formula does not know: at 1 degree
-/// each that is 0.03 %.
+/// Angles of the machines, degrees, by which Y leans towards +X, Z towards +X, and Z towards +Y. If
+/// the first two are both large, the measurements of Y and Z contain their product, which the
+/// makers' formula does not know: at 1 degree each that is 0.03 %.
 const LEANS_DEGREES: [[f64; 3]; 4] = [[0.15, 0.0, 0.0], [-0.8, 0.0, 0.0], [0.3, 0.2, -0.25], [1.0, 0.0, 1.2]];
 
-/// Frame of a real machine: unit vectors of its axes in a space with right angles. The firmware does not use it.
+/// Frame of a real machine: unit vectors of its axes in a space with right angles. The firmware
+/// does not use it.
 struct Frame {
     axes: [[f64; 3]; 3],
 }
@@ -40,7 +41,8 @@ fn distance(one: [f64; 3], other: [f64; 3]) -> f64 {
     (0..3).map(|part| (one[part] - other[part]).powi(2)).sum::<f64>().sqrt()
 }
 
-/// AC, BD and AD of the square that a machine prints in a plane of two of its axes without knowing of its lean.
+/// AC, BD and AD of the square that a machine prints in a plane of two of its axes without
+/// knowing of its lean.
 fn measures(frame: &Frame, [first, second]: [usize; 2]) -> [f64; 3] {
     let [a, b, c, d] = CORNERS_MM.map(|[along, across]| {
         let mut motors_mm = [0.0; 3];
@@ -70,8 +72,9 @@ fn motors_mm(keys: &str, lines: &str) -> [f64; 3] {
     std::array::from_fn(|axis| at(axis) / CARTESIAN_STEPS_PER_MM[axis])
 }
 
-/// Prints the calibration square of each plane on each machine. Uncorrected its diagonals differ as they were measured; corrected by
-/// these measures, in the profile and by each maker's command, they are equal within a step of X and Y.
+/// Prints the calibration square of each plane on each machine. Uncorrected its diagonals differ as
+/// they were measured; corrected by these measures, in the profile and by each maker's command,
+/// they are equal within a step of X and Y.
 #[test]
 fn the_squares_diagonals_are_equal() {
     let planes = [("xy", [0, 1]), ("xz", [0, 2]), ("yz", [1, 2])];
@@ -97,7 +100,8 @@ fn the_squares_diagonals_are_equal() {
                 diagonals[corrected] = distance(a, c) - distance(b, d);
                 if corrected > 0 {
                     let sides = [distance(a, b), distance(b, c), distance(c, d), distance(d, a)];
-                    // An axis that leans by p is longer by 1 / cos p than its height, which no correction of angles sees.
+                    // An axis that leans by p is longer by 1 / cos p than its height, which no
+                    // correction of angles sees.
                     let longest = SIDE_MM
                         * leans.into_iter().fold(0.0f64, |most, lean| most.max(lean.abs().to_radians())).powi(2);
                     let right = sides.into_iter().all(|side| (side - SIDE_MM).abs() < 0.0125 * 1.5 + longest);
@@ -114,7 +118,8 @@ fn the_squares_diagonals_are_equal() {
     }
 }
 
-/// X may go at 2 mm/s: a move along Y, for which X goes 5 % as far, takes as long as X needs, and one without skew as Y does.
+/// X may go at 2 mm/s: a move along Y, for which X goes 5 % as far, takes as long as X needs, and
+/// one without skew as Y does.
 #[test]
 fn the_limits_are_those_of_the_axes() {
     let time_s = |factor: f64| {
@@ -135,7 +140,8 @@ fn the_limits_are_those_of_the_axes() {
     );
 }
 
-/// A machine without skew is unchanged: the same steps to the bit, also where no skew is written, set and taken back.
+/// A machine without skew is unchanged: the same steps to the bit, also where no skew is written,
+/// set and taken back.
 #[test]
 fn no_skew_is_as_ever() {
     let digest = |keys: &str, before: &str| {
@@ -155,7 +161,8 @@ fn no_skew_is_as_ever() {
     assert_ne!(digest("[skew]\nxy.factor = 0.001\n", ""), before);
 }
 
-/// A prepared job is planned for right angles: it is refused by name where it is made, and where it is printed.
+/// A prepared job is planned for right angles: it is refused by name where it is made, and
+/// where it is printed.
 #[test]
 fn no_job_is_prepared_for_skew_axes() {
     let directory = directory();

@@ -1,5 +1,6 @@
-//! Over whole prints the extruder is never more than a step away from lambda s(t) by the machine's time law, ramps
-//! included; an extruder that steps with the leading motor, in the same blocks, is farther off.
+//! Over whole prints the extruder is never more than a step away from lambda s(t) by the
+//! machine's time law, ramps included; an extruder that steps with the leading motor, in the same
+//! blocks, is farther off.
 
 use std::fs::{self, File};
 

@@ -1,4 +1,5 @@
-//! Sliced 3MF files, which Bambu Studio and OrcaSlicer export: zip archives with the G-code of their plates.
+//! Sliced 3MF files, which Bambu Studio and OrcaSlicer export: zip archives with the G-code
+//! of their plates.
 
 use std::ffi::OsStr;
 use std::io::Write;

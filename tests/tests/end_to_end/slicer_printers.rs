@@ -1,5 +1,5 @@
-//! The printers for slicers in `examples/slicers/`: their figures are those of the firmware's profiles, as are their sizes.
-//! Slicers slice with them in `tests/outside`.
+//! The printers for slicers in `examples/slicers/`: their figures are those of the firmware's
+//! profiles, as are their sizes. Slicers slice with them in `tests/outside`.
 
 use ferrostep_profiles::load;
 use ferrostep_testkit::slicers::{MACHINES, bundle, definition};

@@ -1,7 +1,9 @@
-//! The commands of PrusaSlicer's and Cura's printer profiles: the outcome of each, in a file and from a host.
+//! The commands of PrusaSlicer's and Cura's printer profiles: the outcome of each, in a file
+//! and from a host.
 //!
-//! `tests/data/slicer-commands.py` tells their sources. Their outcomes are in the book, and set by set in
-//! `tests/data/slicer-outcomes.tsv`; both are compared here, and `FERROSTEP_REFRESH=1` writes them anew.
+//! `tests/data/slicer-commands.py` tells their sources. Their outcomes are in the book, and set by
+//! set in `tests/data/slicer-outcomes.tsv`; both are compared here, and `FERROSTEP_REFRESH=1`
+//! writes them anew.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -153,7 +155,8 @@ fn tables(fates: &BTreeMap<&str, Fate>) -> Tables {
     tables
 }
 
-/// The effect of a command in the firmware that it is for, for commands that no table of Ferrostep's has.
+/// The effect of a command in the firmware that it is for, for commands that no table of
+/// Ferrostep's has.
 const MACROS: [(&str, &str); 4] = [
     ("T?", "select the extruder that the person chooses (Prusa's multi-material unit)"),
     ("Tc", "load filament to the nozzle (Prusa's multi-material unit)"),

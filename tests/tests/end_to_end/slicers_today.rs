@@ -1,5 +1,5 @@
-//! Lines of today's slicers with which the firmware they are written for continues: the print continues here as well,
-//! with one remark at most.
+//! Lines of today's slicers with which the firmware they are written for continues: the print
+//! continues here as well, with one remark at most.
 
 use serde_json::Value;
 

@@ -1,5 +1,5 @@
-//! Axes that home by their driver's stall signal: the carriage meets the frame's end, its motor lags, and the
-//! chip reports it.
+//! Axes that home by their driver's stall signal: the carriage meets the frame's end, its motor
+//! lags, and the chip reports it.
 
 use ferrostep_printer::Profile;
 use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
@@ -34,7 +34,8 @@ fn true_mm(machine: &Machine) -> [f64; 3] {
     machine.desk().true_position_10nm().map(|units| units as f64 / 1e5)
 }
 
-/// Threshold 130 means a load of 260, which the model's motor reaches when it lags 0.35 full steps: 6 of its 16 microsteps.
+/// Threshold 130 means a load of 260, which the model's motor reaches when it lags 0.35 full steps:
+/// 6 of its 16 microsteps.
 const LAG_MM: f64 = 0.06;
 
 #[test]
@@ -75,8 +76,8 @@ fn an_axis_at_its_end_homes() {
 #[test]
 fn a_wrong_stall_threshold_shows() {
     let profile = profile("prusa-mini");
-    // A motor in free motion seems to stall at 250 as soon as its load can be measured: far from the end, and the
-    // second approach elsewhere than the first.
+    // A motor in free motion seems to stall at 250 as soon as its load can be measured: far from
+    // the end, and the second approach elsewhere than the first.
     let too_sensitive = machine(&profile);
     let replies = say(&too_sensitive, &mut too_sensitive.printer(), &["M914 X250", "G28 X"]);
     assert!(
@@ -108,7 +109,8 @@ fn homing_without_a_stall_signal_is_refused() {
 
 #[test]
 fn a_stall_of_a_slow_motor_is_ignored() {
-    // The profile's check would refuse this speed: 20 mm/s are 125 full steps a second, below what TCOOLTHRS admits.
+    // The profile's check would refuse this speed: 20 mm/s are 125 full steps a second, below what
+    // TCOOLTHRS admits.
     let mut profile = profile("prusa-mini");
     profile.homing[0].fast_mm_per_s = 20.0;
     profile.homing[0].slow_mm_per_s = 20.0;
@@ -155,7 +157,8 @@ fn a_corexy_stall_holds_both_motors() {
     assert!((x - 100.0).abs() < 0.2 && (y - 120.0).abs() < 0.2, "{x} {y}");
 }
 
-/// The nozzle prints at the height that the probe's offset says, to the step, from places all over the machine.
+/// The nozzle prints at the height that the probe's offset says, to the step, from places all
+/// over the machine.
 #[test]
 fn the_probe_offset_places_the_first_layer() {
     let mut profile = profile("prusa-mini");
@@ -167,7 +170,8 @@ fn the_probe_offset_places_the_first_layer() {
         assert!(replies[0].starts_with("X:176.40 Y:24.10 Z:4.00"), "{place}: {replies:?}");
         say(&machine, &mut printer, &["G1 X90 Y90 Z0.2 F6000", "M400"]);
         assert_eq!(true_mm(&machine)[2], 0.2, "{place}");
-        // The paper says that the nozzle is too high by a tenth; a second homing keeps the correction.
+        // The paper says that the nozzle is too high by a tenth; a second homing
+        // keeps the correction.
         let replies = say(&machine, &mut printer, &["M290 Z-0.1", "M114", "M400"]);
         assert_eq!(replies[0], "echo:Probe Offset Z-1.20");
         assert!(replies[1].starts_with("X:90.00 Y:90.00 Z:0.20"), "{replies:?}");

@@ -4,7 +4,8 @@ use std::fs;
 
 use crate::end_to_end::command::{directory, ferrostep, file, repository};
 
-/// A sweep is the same as an estimate of the job without its limits, with the profile edited by hand.
+/// A sweep is the same as an estimate of the job without its limits, with the
+/// profile edited by hand.
 #[test]
 fn a_sweep_is_an_estimate_for_each_value() {
     let cube = repository().join("examples/cube.gcode");

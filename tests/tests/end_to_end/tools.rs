@@ -137,8 +137,8 @@ fn print_line(host: &mut Conversation<'_>, machine: &Machine, line: &str) -> ([i
     (place, extruders.iter().sum())
 }
 
-/// T1's part of a print of two colours is the print of a machine with one tool, shifted by the offset, step by step;
-/// and each extruder makes the steps of its lines.
+/// T1's part of a print of two colours is the print of a machine with one tool, shifted by the
+/// offset, step by step; and each extruder makes the steps of its lines.
 #[test]
 fn two_colours_are_two_prints_of_one_tool_each() {
     let lines: Vec<(u8, String)> = (0..40)
@@ -176,7 +176,8 @@ fn two_colours_are_two_prints_of_one_tool_each() {
 proptest! {
     #![proptest_config(ferrostep_random_cases::cases(12))]
 
-    /// Each extruder makes the steps of its filament after any changes, and carriage and coordinates stay together.
+    /// Each extruder makes the steps of its filament after any changes, and carriage and
+    /// coordinates stay together.
     #[test]
     fn random_changes_lose_no_step(
         changes in proptest::collection::vec((0u8..2, -2_000i32..4_000, 40i32..120, 40i32..120, any::<bool>()), 1..25),

@@ -8,7 +8,8 @@ use crate::end_to_end::hosts::{Conversation, machine};
 
 const LAYERS: u32 = 24;
 
-/// Squares of 0.25 mm a layer, corners slow and sides fast; `before` precedes the first line of each layer.
+/// Squares of 0.25 mm a layer, corners slow and sides fast; `before` precedes the first
+/// line of each layer.
 fn job(before: impl Fn(u32) -> String) -> String {
     let mut job = String::from("M302 P1\nM83\nG28\nG1 X40 Y40 F6000\n");
     for layer in 1..=LAYERS {

@@ -68,7 +68,8 @@ fn an_emergency_stop_ends_a_dwell_and_motion() {
         conversation.say("G1 X100 F300");
         conversation.say("G1 X0");
         let halted = std::cell::Cell::new(false);
-        // The desk lets a whole move pass at a time, so this acts at the first check after its time.
+        // The desk lets a whole move pass at a time, so this acts at the first
+        // check after its time.
         let stop = at(3.0, |machine: &Machine| {
             machine.halt();
             halted.set(true);

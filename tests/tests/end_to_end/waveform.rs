@@ -124,7 +124,8 @@ fn the_waveform_names_corexy_motors_a_and_b() {
     check(job.as_bytes(), "corexy", ["a", "b", "z", "e"], None);
 }
 
-/// A part of the waveform has the changes that all of it has there, and begins with the levels of that time.
+/// A part of the waveform has the changes that all of it has there, and begins with the
+/// levels of that time.
 #[test]
 fn a_part_of_the_waveform_is_cut_out_of_it() {
     let directory = directory();
@@ -161,7 +162,8 @@ fn a_part_of_the_waveform_is_cut_out_of_it() {
     assert!(outcome.stderr.contains("--to 2: the waveform ends before it begins"), "{outcome:#?}");
 }
 
-/// Lines and layers are parts of the waveform as well: a line's part has its steps, one after the other they make up the whole.
+/// Lines and layers are parts of the waveform as well: a line's part has its steps, one after the
+/// other they make up the whole.
 #[test]
 fn a_part_of_the_waveform_is_told_by_lines_or_layers() {
     let directory = directory();

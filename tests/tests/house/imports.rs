@@ -1,14 +1,15 @@
 //! Imports between the files of a package.
 //!
-//! `use` lines and paths that begin with `crate::` or `super::` are read. A name that a file passes on (`pub use`)
-//! counts as that of the file which defines it. Modules of tests are left out.
+//! `use` lines and paths that begin with `crate::` or `super::` are read. A name that a file passes
+//! on (`pub use`) counts as that of the file which defines it. Modules of tests are left out.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use super::sources;
 
-/// A module's path below the package: of `src/heat/model.rs` it is `heat`, `model`, of `src/lib.rs` nothing.
+/// A module's path below the package: of `src/heat/model.rs` it is `heat`, `model`, of
+/// `src/lib.rs` nothing.
 type Module = Vec<String>;
 
 /// The files of a package's library, or of its program where it has no library.
@@ -186,7 +187,8 @@ impl Imports {
         all.filter_map(|path| self.target(from, &path, 0)).filter(|to| to != from).collect()
     }
 
-    /// The files that import from a module of the top level, or from below it, and do not lie there themselves.
+    /// The files that import from a module of the top level, or from below it, and do not lie
+    /// there themselves.
     pub fn importers(&self, of: &str) -> Vec<String> {
         let is_there = |module: &Module| module.first().is_some_and(|first| first == of);
         let imports = |(module, text): &(&Module, &String)| self.imported(module, text).iter().any(is_there);
@@ -194,7 +196,8 @@ impl Imports {
         others.filter(imports).map(|(module, _)| named(module)).collect()
     }
 
-    /// The circles of more than two files: each imports, directly or through others, from each of the same circle.
+    /// The circles of more than two files: each imports, directly or through others, from each of
+    /// the same circle.
     pub fn circles(&self) -> Vec<Vec<String>> {
         let arrows: BTreeMap<&Module, BTreeSet<Module>> =
             self.texts.iter().map(|(module, text)| (module, self.imported(module, text))).collect();

@@ -1,8 +1,9 @@
-//! M410, M112, M108 and a vanishing host, at any instant of anything the board does: it answers within the times that the
-//! book promises (Overload), no motor steps after a stop, and the machine continues from the motors' positions.
+//! M410, M112, M108 and a vanishing host, at any instant of anything the board does: it answers
+//! within the times that the book promises (Overload), no motor steps after a stop, and the machine
+//! continues from the motors' positions.
 //!
-//! Everything follows from a seed, which a failure names. `FERROSTEP_INSTANTS` says how many instants of each kind are
-//! tried, in all states together.
+//! Everything follows from a seed, which a failure names. `FERROSTEP_INSTANTS` says how many
+//! instants of each kind are tried, in all states together.
 
 mod states;
 
@@ -21,11 +22,12 @@ use ferrostep_testkit::hostile::Random;
 
 use states::{State, Work};
 
-/// Instants of a kind in all states, unless `FERROSTEP_INSTANTS` is set; a run tries its share of them.
+/// Instants of a kind in all states, unless `FERROSTEP_INSTANTS` is set; a run tries
+/// its share of them.
 const INSTANTS: u64 = 100;
 
-/// Maximum time from a stop to the answer of a command that waits for motion, and from a line's arrival to its answer
-/// if it need not wait, ms.
+/// Maximum time from a stop to the answer of a command that waits for motion, and from a line's
+/// arrival to its answer if it need not wait, ms.
 const ANSWER_MS: u64 = 5;
 
 /// Interval at which a wait for time or heat checks for stops, ms.
@@ -155,8 +157,8 @@ impl<'b, 'a> Talk<'b, 'a> {
         answers
     }
 
-    /// Cycle by which a line in execution at the instant `at` is answered, and whether that is exact: undisturbed, it
-    /// ends as ever. M108 comes at `end_wait_at`.
+    /// Cycle by which a line in execution at the instant `at` is answered, and whether that is
+    /// exact: undisturbed, it ends as ever. M108 comes at `end_wait_at`.
     fn deadline(&self, kind: Kind, line: &str, own_end: u64, at: u64, end_wait_at: u64) -> (u64, bool) {
         let after = |cycle: u64, ms: u64| cycle + ms * CYCLES_A_MS;
         if waits_for_heat(line) {
@@ -286,7 +288,8 @@ impl<'b, 'a> Talk<'b, 'a> {
         }
     }
 
-    /// Checks that signals, machine and G-code agree, and that the machine still homes and goes where it is sent.
+    /// Checks that signals, machine and G-code agree, and that the machine still homes and goes
+    /// where it is sent.
     #[track_caller]
     fn agrees_and_goes_on(&mut self, undisturbed: &Undisturbed) {
         assert!(self.board.is_idle(), "at rest");
@@ -429,7 +432,8 @@ fn host_leaves_at_any_instant() {
     at_any_instant(Kind::HostGoes);
 }
 
-/// M108 is meant for the wait of the command in execution, also while the motion before it is not over.
+/// M108 is meant for the wait of the command in execution, also while the motion
+/// before it is not over.
 #[test]
 fn m108_before_a_wait_ends_it_at_its_start() {
     let profile = ferrostep_profiles::load("cartesian").unwrap();
@@ -448,7 +452,8 @@ fn m108_before_a_wait_ends_it_at_its_start() {
     });
 }
 
-/// M410 has acted, but its line had a wrong number: the next executed line accounts for the filament that was not pushed.
+/// M410 has acted, but its line had a wrong number: the next executed line accounts for the
+/// filament that was not pushed.
 #[test]
 fn position_is_exact_after_a_stop_whose_line_was_lost() {
     let profile = ferrostep_profiles::load("cartesian").unwrap();

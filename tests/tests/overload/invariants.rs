@@ -72,7 +72,8 @@ fn printed<M: Stepping>(board: &Board<'_, M>, profile: &Profile, text: &str, mut
     Print { figures, counted_steps: [x, y, z, extruder], feeds: watch.feeds(&profile.geometry()), watch }
 }
 
-/// End of a text of absolute moves with relative filament, units of 10 nm, and all its filament, mm.
+/// End of a text of absolute moves with relative filament, units of 10 nm, and all
+/// its filament, mm.
 fn end_of(text: &str) -> ([i64; 3], f64) {
     let mut end = [0; 3];
     let mut filament = 0.0;
@@ -88,7 +89,8 @@ fn end_of(text: &str) -> ([i64; 3], f64) {
     (end, filament)
 }
 
-/// Checks that the motors never stopped from speed, and that the feed never changed faster than the acceleration allows.
+/// Checks that the motors never stopped from speed, and that the feed never changed faster than the
+/// acceleration allows.
 #[track_caller]
 pub fn is_smooth(print: &Print, profile: &Profile) {
     assert_eq!((print.figures.underruns, print.watch.all_stops_from_speed()), (0, 0));

@@ -28,8 +28,8 @@ fn profile() -> Profile {
     ferrostep_profiles::load("cartesian").unwrap()
 }
 
-/// End of a move of the job: back and forth along X, a little farther in Y each time, and so uneven that the job is
-/// longer than what a board has room for.
+/// End of a move of the job: back and forth along X, a little farther in Y each time, and so uneven
+/// that the job is longer than what a board has room for.
 fn target_10nm(index: u32) -> [i64; 3] {
     let x_mm = [5, 10, 15, 20, 15, 10, 5, 0][index as usize % 8];
     let uneven = |factor: u32, most: u32| i64::from(index * factor % most) * 100;
@@ -221,10 +221,12 @@ fn instants(count: u64, end: u64) -> impl Iterator<Item = u64> {
     })
 }
 
-/// A stop in the middle acts as its line arrives: no motor steps after it, and the machine knows their positions.
+/// A stop in the middle acts as its line arrives: no motor steps after it, and the machine knows
+/// their positions.
 #[track_caller]
 fn stops_at_once(line: &str, after: &[&str]) -> Vec<Print> {
-    // Instants from the first moves on; in the last seconds all of the job has been taken, and the machine comes to its end.
+    // Instants from the first moves on; in the last seconds all of the job has been taken, and the
+    // machine comes to its end.
     let begin = 2 * CYCLES_PER_S;
     instants(24, undisturbed().idle_at - CYCLES_PER_S - begin)
         .map(|after_begin| begin + after_begin)

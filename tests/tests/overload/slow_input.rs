@@ -36,10 +36,11 @@ fn slow_lines_brake_the_machine_on_its_path() {
                 assert_eq!(slow.figures.starvation_flushes, at_the_end);
                 assert!((seconds / ample.watch.seconds() - 1.0).abs() < 0.001, "{seconds}");
             } else {
-                // Either the motors caught up with the input, or it came in portions with silence between them.
+                // Either the motors caught up with the input, or it came in portions with
+                // silence between them.
                 assert!(slow.figures.starvation_flushes > at_the_end || slow.figures.idle_flushes > 10);
-                // The print takes as long as the lines take, except for the moves in ring and queue: up to eight pieces
-                // share a block.
+                // The print takes as long as the lines take, except for the moves in ring and
+                // queue: up to eight pieces share a block.
                 let lines = f64::from(PIECES) / rate as f64;
                 let ahead = 8.0 * LOOK_AHEAD_BLOCKS as f64 / rate as f64;
                 assert!(seconds > 0.95 * (lines - ahead), "{seconds} s at {rate} lines/s");

@@ -46,15 +46,16 @@ fn a_slow_planner_lowers_the_feed() {
             slow.figures.planning_slowdowns
         );
         is_smooth(&slow, &profile());
-        // The planner is slow, and always at work: no more than a third of the time is lost to margins.
+        // The planner is slow, and always at work: no more than a third of the time is
+        // lost to margins.
         assert!(slow.figures.planning_slowdowns > 0);
         let busy = busy_seconds(times);
         assert!(slow.watch.seconds() < 1.5 * busy, "{} s, of which {busy} are work", slow.watch.seconds());
     }
 }
 
-/// The queue holds 43 ms of motion at full feed, and braking takes 30 ms: 90 moves, for which a planner that is 16 times
-/// slower needs 40 ms and one that is 32 times slower 80 ms.
+/// The queue holds 43 ms of motion at full feed, and braking takes 30 ms: 90 moves, for which a
+/// planner that is 16 times slower needs 40 ms and one that is 32 times slower 80 ms.
 #[test]
 fn a_planner_that_slows_down_at_speed_brakes_in_time() {
     let text = stress_file(PIECES, 5);
@@ -83,7 +84,8 @@ fn an_honest_budget_needs_no_pace() {
     assert_eq!((slow.figures.slowed_moves, slow.figures.planning_slowdowns), (u64::from(PIECES), 0));
 }
 
-/// Minimum time that the file costs, s: its lines, and a move and two entries for each in the planner task.
+/// Minimum time that the file costs, s: its lines, and a move and two entries for each in
+/// the planner task.
 fn busy_seconds(times: u64) -> f64 {
     let Costs { line, planned_move, entry, .. } = Costs::BOARD;
     (u64::from(PIECES) * (line + (planned_move + 2 * entry) * times)) as f64 / CYCLES_PER_S as f64

@@ -52,7 +52,8 @@ impl<'b, 'a, M: Stepping> StoppedPrint<'b, 'a, M> {
         self.board.execute(&mut self.printer, 1, text).is_ok()
     }
 
-    /// Checks that the machine is where it believes to be after a stop. Then sends the host's lines, and checks again.
+    /// Checks that the machine is where it believes to be after a stop. Then sends the host's
+    /// lines, and checks again.
     #[track_caller]
     fn check(&mut self, lines: &[&str]) {
         self.reports_are_true();
@@ -79,7 +80,8 @@ impl<'b, 'a, M: Stepping> StoppedPrint<'b, 'a, M> {
         }
     }
 
-    /// Prints lines again and again; a stop comes after this many cycles. Returns whether motion was under way.
+    /// Prints lines again and again; a stop comes after this many cycles. Returns whether
+    /// motion was under way.
     #[track_caller]
     fn stop_after(&mut self, cycles: u64, lines: &mut impl Iterator<Item = String>, emergency: Emergency) -> bool {
         let events = self.board.events();

@@ -1,4 +1,5 @@
-//! The served printer's accelerometer: a host shakes an axis, and `calibrate shaper` finds the frame that the profile has.
+//! The served printer's accelerometer: a host shakes an axis, and `calibrate shaper` finds the
+//! frame that the profile has.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -42,7 +43,8 @@ fn connected(printer: &Printer) -> Host {
     host
 }
 
-/// Shakes an axis to and fro, half a second each at frequencies around its own, and returns everything that the printer has said.
+/// Shakes an axis to and fro, half a second each at frequencies around its own, and returns
+/// everything that the printer has said.
 fn shake(host: &mut Host, axis: usize) -> String {
     let letter = ['X', 'Y'][axis];
     let middle_hz = FRAME_HZ[axis].round();
@@ -51,7 +53,8 @@ fn shake(host: &mut Host, axis: usize) -> String {
     say("M956 P0 S65535 A1");
     for half_hz in -36..=50 {
         let frequency_hz = middle_hz + f64::from(half_hz) / 2.0;
-        // A move from rest to rest over a length L at an acceleration a takes 2 (L/a)^0.5, half of a period.
+        // A move from rest to rest over a length L at an acceleration a takes 2 (L/a)^0.5,
+        // half of a period.
         let acceleration = 100.0 * frequency_hz;
         let length_mm = acceleration / (16.0 * frequency_hz * frequency_hz);
         say(&format!("M204 T{acceleration}"));

@@ -1,4 +1,5 @@
-//! A card in the served printer's slot: a host writes a file and has it printed, as over a board's line.
+//! A card in the served printer's slot: a host writes a file and has it printed, as
+//! over a board's line.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -38,7 +39,8 @@ fn a_file_is_uploaded_printed_and_still_there_at_the_end() {
     assert_eq!(host.say_numbered("M29"), ["Done saving file.", "ok"]);
     assert!(host.say_numbered("M20").iter().any(|line| line.starts_with("PART.GCO ")));
     host.say_numbered("M27 S1");
-    // The host is answered while it prints: it has sent more lines than the printer takes before it begins.
+    // The host is answered while it prints: it has sent more lines than the printer takes
+    // before it begins.
     host.send(&format!("M32 !PART.GCO#\n{}G1 X5\n", "M27\n".repeat(20)));
     let answers: Vec<String> = (0..22).map(|_| host.hear_until(|line| line.starts_with("ok")).concat()).collect();
     assert!(answers[20].contains("SD printing byte "), "{answers:?}");
@@ -100,7 +102,8 @@ fn a_card_that_is_pulled_out_pauses_the_print_until_it_is_back() {
         line.starts_with("echo:card: ") && line.ends_with("the print is paused, put the card back and send M24")
     };
     assert!(said.iter().any(is_told), "{said:?}");
-    // The printer's time stops for a host that sends again and again, but not for a dwell: then the card is back.
+    // The printer's time stops for a host that sends again and again, but not for a dwell: then
+    // the card is back.
     host.say("G4 S3");
     let said = host.say("M24");
     assert!(said.contains(&"//action:resumed".to_owned()), "{said:?}");
@@ -111,9 +114,9 @@ fn a_card_that_is_pulled_out_pauses_the_print_until_it_is_back() {
     }
 }
 
-/// A print from a card with this filament sensor, which `faults` disturb: the sensor stops it with `says`, and M412
-/// reports `missing`. After `mended_s`, when `present` is reported if it is given, the print continues to its end
-/// without another pause.
+/// A print from a card with this filament sensor, which `faults` disturb: the sensor stops it with
+/// `says`, and M412 reports `missing`. After `mended_s`, when `present` is reported if it is given,
+/// the print continues to its end without another pause.
 fn a_sensor_pauses_the_print(
     sensor: &str,
     faults: [&str; 2],

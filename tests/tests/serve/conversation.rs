@@ -54,12 +54,14 @@ fn the_next_host_finds_the_printer_as_it_was_left() {
         [(Printer::at_tcp(&["--speed", "max"]), false), (Printer::at_pty(&["--speed", "max"]), true)]
     {
         let mut first = printer.connect();
-        // A terminal keeps the lines from before it is opened; over TCP a host hears them that is there in time.
+        // A terminal keeps the lines from before it is opened; over TCP a host hears them that
+        // is there in time.
         let said = first.say("G28");
         assert!(said.contains(&"start".to_owned()) || !is_terminal, "{said:?}");
         first.say("M140 S60");
         first.say("G1 X55 F6000");
-        // Half a line is not the beginning of the next host's. A terminal that is opened again at once cannot know.
+        // Half a line is not the beginning of the next host's. A terminal that is opened again at
+        // once cannot know.
         if !is_terminal {
             first.send("G1 X12");
         }
@@ -74,8 +76,8 @@ fn the_next_host_finds_the_printer_as_it_was_left() {
     }
 }
 
-/// An emergency stop in real time ends a wait for heat that takes minutes, longer than the host's patience, and the
-/// heaters are off.
+/// An emergency stop in real time ends a wait for heat that takes minutes, longer than the host's
+/// patience, and the heaters are off.
 #[test]
 fn commands_that_do_not_wait_their_turn_act_at_once() {
     let printer = Printer::at_pty(&[]);
@@ -122,8 +124,9 @@ fn a_thermistor_that_breaks_halts_the_printer() {
     assert_eq!(printer.end()["lines"], 3);
 }
 
-/// Time leaps at `--speed max` while a print works, but not while a person is asked to act: between two signs of life
-/// pass the two seconds of a clock on the wall, and heaters that rest after a minute stay on.
+/// Time leaps at `--speed max` while a print works, but not while a person is asked to act:
+/// between two signs of life pass the two seconds of a clock on the wall, and heaters that rest
+/// after a minute stay on.
 #[test]
 fn time_does_not_leap_while_a_person_is_waited_for() {
     let printer = Printer::at_pty(&["--speed", "max"]);
@@ -158,7 +161,8 @@ fn time_passes_at_its_speed() {
     let begun = Instant::now();
     host.say("G4 S100");
     let took_s = begun.elapsed().as_secs_f64();
-    // Never faster; a busy computer may be slower, but not so slow that the host loses its patience.
+    // Never faster; a busy computer may be slower, but not so slow that the host
+    // loses its patience.
     assert!(took_s > 1.9, "{took_s}");
 }
 

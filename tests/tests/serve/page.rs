@@ -84,7 +84,8 @@ fn nothing_of_the_printer_is_reachable_without_the_token() {
         assert_eq!(status(&answer).unwrap_or(0), expected, "{shown}: {answer}");
         assert!(!answer.contains("root:") && !answer.contains("celsius"), "{shown}: {answer}");
     }
-    // The page itself contains no data of the printer, and no page of another site may have it in a frame or read it.
+    // The page itself contains no data of the printer, and no page of another site may have it in a
+    // frame or read it.
     let (status, text) = page.ask("GET", "/", b"");
     assert!(status == 200 && text.starts_with("<!doctype html>") && !text.contains(&page.token), "{text}");
     let answer = page.raw(format!("GET / HTTP/1.1\r\nHost: {}\r\n\r\n", page.address).as_bytes());
@@ -245,8 +246,8 @@ fn one_host_owns_the_printer_at_a_time() {
     assert!(!host.say("M105").is_empty());
 }
 
-/// A host asks without end and reads no answer: the page shows the printer meanwhile, and its emergency stop acts. The
-/// printer prints as ever once the host is gone.
+/// A host asks without end and reads no answer: the page shows the printer meanwhile, and its
+/// emergency stop acts. The printer prints as ever once the host is gone.
 #[test]
 fn a_host_that_stops_reading_holds_up_neither_page_nor_printer() {
     let mut printer = Printer::at_pty(&["--web", "127.0.0.1:0", "--speed", "max"]);
@@ -268,7 +269,8 @@ fn a_host_that_stops_reading_holds_up_neither_page_nor_printer() {
     page.look_until(|state| says(state, "printed: "));
 }
 
-/// `serve --web --port`, here in front of another virtual printer's port: the same steps, temperatures and position by the line.
+/// `serve --web --port`, here in front of another virtual printer's port: the same steps,
+/// temperatures and position by the line.
 #[test]
 fn a_printer_at_a_port_prints_from_the_page() {
     let printer = Printer::at_pty(&["--speed", "max"]);

@@ -78,7 +78,8 @@ fn a_prepared_job_is_sent_and_makes_the_steps_of_print() {
     }
 }
 
-/// A file comes over a bad line, with every line's checksum: the file on the card then prints as the original does.
+/// A file comes over a bad line, with every line's checksum: the file on the card then prints as
+/// the original does.
 #[test]
 fn gcode_is_written_to_the_card() {
     let folder = folder();
@@ -124,7 +125,8 @@ fn gcode_is_sent_over_tcp() {
     assert_eq!(printer.end()["position_mm"]["x"], 50.0);
 }
 
-/// Line ends, numbers and M110 of a file are read as `print` reads them, and never by the printer's protocol.
+/// Line ends, numbers and M110 of a file are read as `print` reads them, and never by the
+/// printer's protocol.
 #[test]
 fn a_file_is_sent_as_it_is_printed() {
     let folder = folder();
@@ -202,7 +204,8 @@ fn ctrl_c_ends_waits_motion_and_heat() {
     let job = file(&folder, "M302 P1\nM140 S60\nG1 E900 F300\nM109 S200 Q1\nG1 X1 F600\n");
     let mut command = Command::new(program());
     command.arg("send").arg(job).args(["--port", printer.port().to_str().unwrap()]);
-    // A word without effect is reported as its line begins: the printer waits for heat, after a move of three minutes.
+    // A word without effect is reported as its line begins: the printer waits for heat, after a
+    // move of three minutes.
     let output = interrupted(&mut command, "M109 S200 Q1");
     says(&output, 1, "error: after line 3 of the file: stopped by Ctrl-C");
     says(

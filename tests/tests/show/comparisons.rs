@@ -15,7 +15,8 @@ fn number(value: &Value) -> f64 {
 const PART: &str = "G28\nM302 P1\nM83\nM204 P500 T500\nG1 Z.2 F600\nG1 X50 Y20 F3000\nG1 X90 E1 F6000\nG1 Y60 E1\nG1 X50 E1\n\
                     G1 E-.8\nG1 X20 Y20\n";
 
-/// Half the acceleration takes longer and rings less; the job's own acceleration is left out of both.
+/// Half the acceleration takes longer and rings less; the job's own acceleration is
+/// left out of both.
 #[test]
 fn one_job_with_another_setting_is_compared() {
     let folder = job(PART);

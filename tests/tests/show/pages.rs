@@ -126,7 +126,8 @@ fn findings_are_listed_with_their_lines() {
     assert_eq!(find("Fastest printing")["weight"], "extreme");
 }
 
-/// Retractions, of any number, are places, two of which are listed; moves that the board cannot keep up with have a finding.
+/// Retractions, of any number, are places, two of which are listed; moves that the board cannot
+/// keep up with have a finding.
 #[test]
 fn retractions_and_slowed_moves_are_places() {
     let mut text = format!("{PART}G1 E-.8 F2400\nG1 E.8\nG1 E-1.5\nG1 E1.5\n");

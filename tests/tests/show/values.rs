@@ -3,7 +3,8 @@
 use ferrostep_show::{Kind, Node};
 use ferrostep_testkit::shown::prints::{ARCS, CUBE, GYROID, Print, WINDOW_S, shown};
 
-/// Place and speed at a time, as the page takes them: speed changes evenly in time between two nodes.
+/// Place and speed at a time, as the page takes them: speed changes evenly in time
+/// between two nodes.
 fn at(nodes: &[Node], time_s: f64) -> ([f64; 3], f64) {
     let index = nodes.partition_point(|node| node.time_s < time_s).clamp(1, nodes.len() - 1);
     let (before, node) = (&nodes[index - 1], &nodes[index]);

@@ -133,7 +133,8 @@ fn unread_output_is_not_sent_to_the_next_program() {
     // The first host reads the lines from before it came ...
     host.set_open(true);
     assert_eq!(host.read_lines(), ["start"]);
-    // ... the next does not. It begins with a whole line, although the one before had read half of one.
+    // ... the next does not. It begins with a whole line, although the one before had
+    // read half of one.
     device.reply(format_args!("ok {}", "x".repeat(PACKET_BYTES)));
     assert_eq!(host.read_packet().map(|packet| packet.len()), Some(PACKET_BYTES));
     assert_eq!(host.read_packet().map(|packet| packet.len()), Some(4));

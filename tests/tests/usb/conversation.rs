@@ -64,7 +64,8 @@ impl<'a> Conversation<'a> {
         Self { machine, printer, device, host, numbers: HostLine::new(), lines: Lines::new(), halves: 0 }
     }
 
-    /// Sends bytes, lets the printer answer all lines that end in them, and reads its lines meanwhile.
+    /// Sends bytes, lets the printer answer all lines that end in them, and reads its
+    /// lines meanwhile.
     pub fn say(&mut self, bytes: &[u8]) -> Vec<String> {
         self.host.send(bytes);
         self.answer()

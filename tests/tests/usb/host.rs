@@ -207,8 +207,8 @@ impl<'a> Host<'a> {
         }
     }
 
-    /// Reads as a program does: its driver asks for much more than a packet, and hands on what has come when a packet
-    /// is not full.
+    /// Reads as a program does: its driver asks for much more than a packet, and hands on what has
+    /// come when a packet is not full.
     pub fn read(&mut self) -> Vec<u8> {
         let mut bytes = Vec::new();
         while let Some(packet) = self.read_packet() {

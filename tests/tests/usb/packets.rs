@@ -73,8 +73,8 @@ proptest! {
         prop_assert_eq!(device.dropped(), 0);
     }
 
-    /// Replies of any length arrive whole and in order, a transfer ends with a packet that is not full, and whatever was
-    /// not read in time is counted.
+    /// Replies of any length arrive whole and in order, a transfer ends with a packet that is not
+    /// full, and whatever was not read in time is counted.
     #[test]
     fn replies_arrive_however_they_are_read(
         steps in vec(prop_oneof![3 => (0..200usize).prop_map(Some), 1 => Just(None)], 1..80),

@@ -5,8 +5,9 @@
 //! cargo xtask against-klipper [--corexy] FILE...
 //! ```
 //!
-//! The first writes the page's table and its chart; without `FERROSTEP_REFRESH` it compares. The rows of the Benchy, which is not among the
-//! examples, stay as they are unless its file is named. The second prints the rows of other files.
+//! The first writes the page's table and its chart; without `FERROSTEP_REFRESH` it compares. The
+//! rows of the Benchy, which is not among the examples, stay as they are unless its file is named.
+//! The second prints the rows of other files.
 
 use std::path::{Path, PathBuf};
 

@@ -1,8 +1,10 @@
-//! An image in Prusa's container (`.bbf`), as the boot loader of the MINI takes it from a USB stick.
+//! An image in Prusa's container (`.bbf`), as the boot loader of the MINI takes it
+//! from a USB stick.
 //!
-//! The first version of the format, which boot loaders before and after 2.0 read: a signature, the SHA-256 of all that follows,
-//! a header, the image. Source: Prusa-Firmware-Buddy, `utils/pack_fw.py` and `utils/unpack_bbf.py`. Only Prusa can sign:
-//! the signature here is zeros, which a boot loader accepts once the board's appendix is broken.
+//! The first version of the format, which boot loaders before and after 2.0 read: a signature, the
+//! SHA-256 of all that follows, a header, the image. Source: Prusa-Firmware-Buddy,
+//! `utils/pack_fw.py` and `utils/unpack_bbf.py`. Only Prusa can sign: the signature here is zeros,
+//! which a boot loader accepts once the board's appendix is broken.
 
 use ferrostep_boards::BBF_HEADER_BYTES;
 use sha2::{Digest, Sha256};

@@ -1,4 +1,5 @@
-//! Counts: the target's instructions for the parts of a print, the image's bytes, and the speed of the desk.
+//! Counts: the target's instructions for the parts of a print, the image's bytes, and the
+//! speed of the desk.
 
 mod baseline;
 mod chart;
@@ -26,7 +27,8 @@ pub struct Options {
     /// Prints one JSON object, alone, on standard output
     #[arg(long)]
     json: bool,
-    /// Fails if a count of the target or the image's size is more than 3 % above the committed baseline
+    /// Fails if a count of the target or the image's size is more than 3 % above the
+    /// committed baseline
     #[arg(long)]
     check: bool,
     /// Makes these counts the baseline and writes the book's page of benchmarks
@@ -48,7 +50,8 @@ pub struct Options {
 enum Part {
     /// The target's instructions and the image's size
     Target,
-    /// The desk's instructions, where valgrind is installed: the command as released is minutes of link-time optimisation
+    /// The desk's instructions, where valgrind is installed: the command as released is minutes of
+    /// link-time optimisation
     Desk,
 }
 
@@ -58,7 +61,8 @@ impl Options {
         Self { json: false, check: false, save_baseline: true, only: None, mainboard: None, image: None };
 }
 
-/// Builds both images, counts, and prints, compares or saves the counts. The speed of the desk is for information only.
+/// Builds both images, counts, and prints, compares or saves the counts. The speed of the desk is
+/// for information only.
 pub fn run(run: &mut Run, options: &Options) -> Result<(), Failure> {
     let mut figures = if options.only == Some(Part::Desk) {
         json!({ "compiler": core_library::compiler_version()? })

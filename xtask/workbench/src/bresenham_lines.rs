@@ -1,7 +1,7 @@
 //! Compares step Bresenham with classic Bresenham on random lines, for any number of points.
 //!
-//! `cargo xtask bresenham-lines [POINTS [SEED]]`, 10^9 points by default. Lines have two or three axes, any direction, and lengths
-//! spread evenly over the powers of two up to 2^24 steps.
+//! `cargo xtask bresenham-lines [POINTS [SEED]]`, 10^9 points by default. Lines have two or three
+//! axes, any direction, and lengths spread evenly over the powers of two up to 2^24 steps.
 
 use ferrostep_papers::bresenham::{
     Classic, FromDivision, FromFirstStair, FromQuotient, Line, LineStair, Slope, Stairs, Uncounted, Widths,

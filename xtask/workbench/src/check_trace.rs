@@ -1,6 +1,7 @@
 //! Compares a step trace with the job and the profile it came from and prints the report.
 //!
-//! `cargo xtask check-trace TRACE GCODE(.gz) PROFILE.toml|NAME [--look-ahead N]`. Exit status 0 if nothing was found.
+//! `cargo xtask check-trace TRACE GCODE(.gz) PROFILE.toml|NAME [--look-ahead N]`. Exit status 0 if
+//! nothing was found.
 
 use std::fs;
 use std::path::PathBuf;
@@ -17,7 +18,8 @@ pub struct Options {
     trace: PathBuf,
     /// The job that was printed, plain or gzip
     gcode: PathBuf,
-    /// The profile that it was printed with: cartesian, corexy, prusa-mini or the path of a TOML file
+    /// The profile that it was printed with: cartesian, corexy, prusa-mini or the
+    /// path of a TOML file
     profile: String,
     /// Moves that the reference looks ahead; all by default
     #[arg(long, value_name = "MOVES")]

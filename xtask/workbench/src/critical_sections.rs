@@ -1,7 +1,9 @@
-//! Counts the instructions of the image's critical sections in a short print: the longest of each place.
+//! Counts the instructions of the image's critical sections in a short print: the
+//! longest of each place.
 //!
-//! The emulator logs every instruction that it executes. A section begins where the priority is raised to RTIC's 15, and ends
-//! where it is restored. Only the step interrupt can come in between; its instructions are not counted. Takes some minutes.
+//! The emulator logs every instruction that it executes. A section begins where the priority is
+//! raised to RTIC's 15, and ends where it is restored. Only the step interrupt can come in between;
+//! its instructions are not counted. Takes some minutes.
 //!
 //! ```text
 //! cargo xtask critical-sections IMAGE
@@ -117,7 +119,8 @@ struct Counter {
     interrupted_until: Option<BTreeSet<u32>>,
     previous: u32,
     executed: u64,
-    /// Start of the present section, instructions before it, and depth to which locks and sections are nested.
+    /// Start of the present section, instructions before it, and depth to which locks and
+    /// sections are nested.
     section: Option<(u32, u64, u32)>,
 }
 
@@ -138,7 +141,8 @@ impl Counter {
             return;
         }
         if self.section.is_some() && self.places.handlers.contains(&address) {
-            // Another interrupt can only have come before the priority was raised; the log repeats that as well.
+            // Another interrupt can only have come before the priority was raised; the log
+            // repeats that as well.
             self.section = None;
         }
         self.previous = address;

@@ -1,4 +1,5 @@
-//! Draws feed against time for slow input and for a slow planner, from the step signals of the model of the board.
+//! Draws feed against time for slow input and for a slow planner, from the step signals of the
+//! model of the board.
 //!
 //! ```text
 //! cargo xtask feed-plot

@@ -1,4 +1,5 @@
-//! The firmware's images: built for a board, written in its boot loader's format, with a table of sizes.
+//! The firmware's images: built for a board, written in its boot loader's format, with
+//! a table of sizes.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -20,19 +21,23 @@ use crate::system::{self, cargo};
 /// The images to build.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Options {
-    /// The board: bench, prusa-buddy, btt-octopus-1.1 or the path of a TOML file; all built-in boards by default
+    /// The board: bench, prusa-buddy, btt-octopus-1.1 or the path of a TOML file; all built-in
+    /// boards by default
     #[arg(long)]
     board: Option<String>,
-    /// The machine: cartesian, corexy, prusa-mini or the path of a TOML file; the board's own by default
+    /// The machine: cartesian, corexy, prusa-mini or the path of a TOML file; the
+    /// board's own by default
     #[arg(long)]
     profile: Option<String>,
-    /// Start of the image, bytes from the start of flash; the board's own by default. 0 puts the image where the boot loader is
+    /// Start of the image, bytes from the start of flash; the board's own by default. 0 puts the
+    /// image where the boot loader is
     #[arg(long, value_name = "BYTES", value_parser = bytes, requires = "board")]
     boot_offset: Option<u32>,
     /// Checks the lints of the firmware's own packages first, which the desk cannot build
     #[arg(long)]
     lints: bool,
-    /// Prints one JSON object on standard output: the boards with their images, sizes and budgets, bytes
+    /// Prints one JSON object on standard output: the boards with their images, sizes
+    /// and budgets, bytes
     #[arg(long)]
     json: bool,
 }
@@ -162,7 +167,8 @@ impl Target {
     }
 }
 
-/// Features for the methods of motion: a printer's image contains the standard ones only, the bench's all.
+/// Features for the methods of motion: a printer's image contains the standard ones only,
+/// the bench's all.
 ///
 /// # Errors
 /// The profile of a printer asks for another.
@@ -189,8 +195,8 @@ fn absolute(name_or_path: &str, is_name: impl Fn(&str) -> bool) -> Result<String
     path.to_str().map(str::to_owned).ok_or_else(|| format!("{name_or_path}: the path is no text"))
 }
 
-/// Builds the named images, prints a path and a size table for each board, and returns the images, the bench's
-/// first where all are built.
+/// Builds the named images, prints a path and a size table for each board, and returns the images,
+/// the bench's first where all are built.
 pub fn build_images(run: &mut Run, options: &Options, shown: Shown) -> Result<Vec<Image>, Failure> {
     let names: Vec<&str> = match &options.board {
         Some(name) => vec![name],
@@ -260,7 +266,8 @@ impl Program {
         }
     }
 
-    /// Effect of a failed check: a trap in the firmware, in the others a panic, whose text a probe reads.
+    /// Effect of a failed check: a trap in the firmware, in the others a panic, whose
+    /// text a probe reads.
     fn failed_check(self) -> FailedCheck {
         if self == Self::Firmware { FailedCheck::Traps } else { FailedCheck::Panics }
     }
@@ -282,13 +289,15 @@ pub fn build(run: &mut Run, program: Program, target: &Target) -> Result<PathBuf
     })
 }
 
-/// Lints of the firmware's own packages, which the desk cannot build, and of the one package without std that is in no image.
+/// Lints of the firmware's own packages, which the desk cannot build, and of the one package
+/// without std that is in no image.
 pub fn check(run: &mut Run) -> Result<(), Failure> {
     run.step("source of the core library", core_library::require_source)?;
     run.step("lints of the firmware", || {
         for name in ferrostep_boards::builtin_names() {
             let target = Target::new(name, None)?;
-            // All at once: one after the other they would check the chip's registers with other features each time.
+            // All at once: one after the other they would check the chip's registers with other
+            // features each time.
             let board = ["--package", "ferrostep-stm32f4-board", "--package", "ferrostep-stm32f4-usb"];
             let both = ["--package", "ferrostep-binary-gcode"];
             let firmware =
@@ -315,7 +324,8 @@ pub fn sizes(image: &Path) -> Result<Sizes, Failure> {
     Sizes::of_elf(&bytes).map_err(|error| format!("{}: {error}", image.display()))
 }
 
-/// Returns true if a variable would change how cargo builds: it is removed, so that every shell builds the same image.
+/// Returns true if a variable would change how cargo builds: it is removed, so that every shell
+/// builds the same image.
 fn changes_profile(variable: &str) -> bool {
     variable == "CARGO_INCREMENTAL" || variable.starts_with("CARGO_PROFILE_")
 }
@@ -376,8 +386,8 @@ fn build_command(program: Program, target: &Target) -> Result<Command, Failure> 
     Ok(command)
 }
 
-/// Checks that an image names no folder of this computer, in its debug information neither: it would differ from the same image built
-/// elsewhere.
+/// Checks that an image names no folder of this computer, in its debug information neither: it
+/// would differ from the same image built elsewhere.
 ///
 /// # Errors
 /// The image names one.
@@ -392,8 +402,8 @@ fn names_no_folder(elf: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Cargo's key by which the compiler calls folders by these names. `table`: place of cargo's flags for the compiler,
-/// `build` or a target's.
+/// Cargo's key by which the compiler calls folders by these names. `table`: place of cargo's flags
+/// for the compiler, `build` or a target's.
 ///
 /// # Errors
 /// A folder's name is not text.
@@ -417,7 +427,8 @@ fn package_name() -> Result<String, Failure> {
     name.map(str::to_owned).ok_or_else(|| format!("{}: no package.name", path.display()))
 }
 
-/// Path of the executable that cargo made of a source file, from cargo's messages (a JSON object a line).
+/// Path of the executable that cargo made of a source file, from cargo's messages (a
+/// JSON object a line).
 fn executable(messages: &str, source: &Path) -> Option<PathBuf> {
     messages.lines().find_map(|line| {
         let message: serde_json::Value = serde_json::from_str(line).ok()?;

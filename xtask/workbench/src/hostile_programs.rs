@@ -4,8 +4,8 @@
 //! cargo xtask hostile-programs [--programs 10000] [--moves 1000] [--first 0]
 //! ```
 //!
-//! Exit status 0 if every motor is where it must be at every end. The count uses the text, the profile and the trace,
-//! and shares no code with the planner ([`ferrostep_oracle::trace_ends`]).
+//! Exit status 0 if every motor is where it must be at every end. The count uses the text, the
+//! profile and the trace, and shares no code with the planner ([`ferrostep_oracle::trace_ends`]).
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};

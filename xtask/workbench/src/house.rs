@@ -1,8 +1,8 @@
 //! The book's drawing of the packages and their dependencies, from the manifests.
 //!
-//! A package is drawn below all that depend on it. An arrow leads from a package to one that it needs itself; the arrow
-//! is left out if another of its dependencies needs that one as well. Tests and tools use what they need and are in the
-//! last row.
+//! A package is drawn below all that depend on it. An arrow leads from a package to one that it
+//! needs itself; the arrow is left out if another of its dependencies needs that one as well. Tests
+//! and tools use what they need and are in the last row.
 
 mod layout;
 
@@ -135,7 +135,8 @@ fn packages(described: &[Value]) -> Result<Vec<Package>, Failure> {
     Ok(described.collect())
 }
 
-/// Tells a package's kind by its place, and by whether its library does without the standard library.
+/// Tells a package's kind by its place, and by whether its library does without the
+/// standard library.
 fn kind(name: &str, root: &Path, folder: &str) -> Kind {
     let library = std::fs::read_to_string(root.join(folder).join("src/lib.rs")).unwrap_or_default();
     match () {
@@ -146,7 +147,8 @@ fn kind(name: &str, root: &Path, folder: &str) -> Kind {
     }
 }
 
-/// Direct needs of each package: those that no other of its needs already includes; empty for tests and tools.
+/// Direct needs of each package: those that no other of its needs already includes; empty for
+/// tests and tools.
 fn arrows(packages: &[Package]) -> Vec<BTreeSet<usize>> {
     let below = |from: usize| {
         let (mut found, mut open) = (BTreeSet::new(), vec![from]);

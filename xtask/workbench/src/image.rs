@@ -1,4 +1,5 @@
-//! An image in the formats of boot loaders and programmers: the bytes of flash, plain or as Intel HEX.
+//! An image in the formats of boot loaders and programmers: the bytes of flash, plain
+//! or as Intel HEX.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -27,7 +28,8 @@ pub struct Flash {
 }
 
 impl Flash {
-    /// The flash of an ELF file: its segments where they are loaded, which for variables is not where they run.
+    /// The flash of an ELF file: its segments where they are loaded, which for variables is
+    /// not where they run.
     ///
     /// # Errors
     /// The file is not such an ELF file, or has no bytes for flash.
@@ -95,16 +97,16 @@ impl Flash {
     }
 }
 
-/// The folder of a board's image. An image with another offset has a separate folder, so that neither is flashed
-/// instead of the other.
+/// The folder of a board's image. An image with another offset has a separate folder, so that
+/// neither is flashed instead of the other.
 pub fn folder_of(board: &Board, is_elsewhere: bool) -> PathBuf {
     let place = if is_elsewhere { format!("-at-{:#010x}", board.image_address()) } else { String::new() };
     images().join(format!("{}{place}", board.name))
 }
 
-/// Writes an image's files into a folder: `ferrostep.elf`, `ferrostep.hex`, the plain bytes, and Prusa's container if
-/// the boot loader takes it. The plain bytes have the name that the boot loader wants, `ferrostep.bin` if it wants none
-/// of them. Returns the path of the first.
+/// Writes an image's files into a folder: `ferrostep.elf`, `ferrostep.hex`, the plain bytes, and
+/// Prusa's container if the boot loader takes it. The plain bytes have the name that the boot
+/// loader wants, `ferrostep.bin` if it wants none of them. Returns the path of the first.
 ///
 /// # Errors
 /// The ELF file is not an image for this board, or a file cannot be written.

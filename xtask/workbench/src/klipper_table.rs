@@ -1,10 +1,14 @@
-//! Plans files by Klipper's rules and by the reference's, and prints the results of a frame and a nozzle for both under
-//! several shapers.
+//! Plans files by Klipper's rules and by the reference's, and prints the results of a frame and a
+//! nozzle for both under several shapers.
 //!
-//! `cargo xtask klipper-table FILE... [--corexy] [--feeds FACTOR] [--acceleration MM_PER_S2] [--times]`. The limits are
-//! the machine's, not those of the file (M201 to M205 are left out): a bed-slinger with Z at 12 mm/s and 200 mm/s^2 and
-//! retractions at 1250 mm/s^2, or the profile `corexy`. The reference rounds corners by a junction deviation of 0.02
-//! mm.
+//! ```text
+//! cargo xtask klipper-table FILE... [--corexy] [--feeds FACTOR] [--acceleration MM_PER_S2]
+//!     [--times]
+//! ```
+//!
+//! The limits are the machine's, not those of the file (M201 to M205 are left out): a bed-slinger
+//! with Z at 12 mm/s and 200 mm/s^2 and retractions at 1250 mm/s^2, or the profile `corexy`. The
+//! reference rounds corners by a junction deviation of 0.02 mm.
 
 use std::path::PathBuf;
 

@@ -1,7 +1,8 @@
-//! The commands of `cargo xtask` that need Ferrostep's own crates, which `xtask` itself does without.
+//! The commands of `cargo xtask` that need Ferrostep's own crates, which `xtask`
+//! itself does without.
 //!
-//! `cargo xtask COMMAND` compiles and runs this program. Builds and counts are lists of steps, as in [`xtask`]; the checks of traces
-//! and planners print a result.
+//! `cargo xtask COMMAND` compiles and runs this program. Builds and counts are lists of steps, as
+//! in [`xtask`]; the checks of traces and planners print a result.
 #![forbid(unsafe_code)]
 
 mod against_klipper;

@@ -1,4 +1,5 @@
-//! The virtual mainboard: it prints with the boards' images, counts for the bench, and is served to hosts.
+//! The virtual mainboard: it prints with the boards' images, counts for the bench, and is
+//! served to hosts.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -15,7 +16,8 @@ pub struct Options {
     /// The board: bench, prusa-buddy, btt-octopus-1.1 or the path of a TOML file
     #[arg(long, default_value = "prusa-buddy")]
     board: String,
-    /// The machine: cartesian, corexy, prusa-mini or the path of a TOML file; the board's own by default
+    /// The machine: cartesian, corexy, prusa-mini or the path of a TOML file; the
+    /// board's own by default
     #[arg(long)]
     profile: Option<String>,
     /// The G-code to print; without a file the image and the program are only built
@@ -38,7 +40,8 @@ pub struct Options {
     /// Only builds the program, and prints its path
     #[arg(long, conflicts_with_all = ["file", "pty", "tcp", "json", "prints"])]
     program: bool,
-    /// Prints the first layers of a cube by the image of every board, as `cargo xtask firmware` has left them
+    /// Prints the first layers of a cube by the image of every board, as
+    /// `cargo xtask firmware` has left them
     #[arg(long, conflicts_with_all = ["file", "pty", "tcp", "json"])]
     prints: bool,
     /// Share of the boards for --prints: 0 to 19, or all
@@ -49,8 +52,8 @@ pub struct Options {
     more: Vec<String>,
 }
 
-/// Boards whose images print in turn, with the line that each prints over: each line once at least. The bench has
-/// neither sensors nor drivers.
+/// Boards whose images print in turn, with the line that each prints over: each line once at least.
+/// The bench has neither sensors nor drivers.
 const PRINTS: [(&str, &str); 3] = [("prusa-buddy", "usb"), ("btt-octopus-1.1", "uart"), ("bench", "uart")];
 const PRINTED: &str = "examples/cube.gcode";
 const LAYERS: usize = 2;
@@ -61,7 +64,8 @@ pub const PACKAGE: &str = "ferrostep-mainboard";
 /// Builds the program and returns its path.
 pub fn build(run: &mut Run) -> Result<PathBuf, Failure> {
     run.step("virtual mainboard: build", || {
-        // Built together with this program: alone it would be compiled with other features of what both use, and once more.
+        // Built together with this program: alone it would be compiled with other features of what
+        // both use, and once more.
         system::run(cargo().args(["build", "--package", PACKAGE, "--package", env!("CARGO_PKG_NAME")]))?;
         // A separate build, since this program needs other features.
         system::run(cargo().args(["build", "--package", "ferrostep-mainboard-log"]))
@@ -69,9 +73,10 @@ pub fn build(run: &mut Run) -> Result<PathBuf, Failure> {
     Ok(system::target_directory().join("debug").join(PACKAGE))
 }
 
-/// Instructions a second of the bench's own programs: one for every two ticks of their timers on the chip's internal oscillator of
-/// 16 MHz, with which it leaves reset (RM0090, 7.2.2). An instruction then takes 125 ns; at one a tick it would take 62.5, and the
-/// virtual mainboard, whose time is in whole nanoseconds, would read every other count one too low.
+/// Instructions a second of the bench's own programs: one for every two ticks of their timers on
+/// the chip's internal oscillator of 16 MHz, with which it leaves reset (RM0090, 7.2.2). An
+/// instruction then takes 125 ns; at one a tick it would take 62.5, and the virtual mainboard,
+/// whose time is in whole nanoseconds, would read every other count one too low.
 const INSTRUCTIONS_PER_SECOND: u32 = 8_000_000;
 
 /// Cycles a second of a core at full speed: its counter of cycles then counts instructions.
@@ -86,8 +91,8 @@ pub enum Counter {
     Core,
 }
 
-/// The command that runs a program of the bench, which counts instructions and reports by semihosting; its files are in
-/// `folder`.
+/// The command that runs a program of the bench, which counts instructions and reports by
+/// semihosting; its files are in `folder`.
 pub fn counting(
     program: &Path,
     image: &Path,
@@ -234,7 +239,8 @@ impl<'a> Machine<'a> {
         command
     }
 
-    /// The file, cut to its first layers if that is asked for, and the desk's trace. Jobs over other lines have other files.
+    /// The file, cut to its first layers if that is asked for, and the desk's trace. Jobs over
+    /// other lines have other files.
     fn prepare(&self, file: &Path, layers: Option<usize>, via: &str) -> Result<Job, Failure> {
         let folder = system::target_directory().join("mainboard");
         std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;

@@ -1,6 +1,7 @@
 //! Over a debug probe: flashing, and the tests that measure the board they run on.
 //!
-//! Without a probe those tests run on the virtual mainboard: there they count instructions, and do not measure how late a step is.
+//! Without a probe those tests run on the virtual mainboard: there they count instructions, and do
+//! not measure how late a step is.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -15,8 +16,8 @@ use crate::system;
 /// The program that talks to debug probes.
 const PROBE_RS: &str = "probe-rs";
 
-/// Section in which the test harness keeps its tests: a symbol for each, whose name is JSON, and there three words, the
-/// first of which is the address of the test's code.
+/// Section in which the test harness keeps its tests: a symbol for each, whose name is JSON, and
+/// there three words, the first of which is the address of the test's code.
 const SECTION: &str = ".embedded_test";
 
 /// The tests' source as a panic's place names it.
@@ -28,7 +29,8 @@ pub struct FlashOptions {
     /// The board: bench, prusa-buddy, btt-octopus-1.1 or the path of a TOML file
     #[arg(long)]
     board: String,
-    /// The machine: cartesian, corexy, prusa-mini or the path of a TOML file; the board's own by default
+    /// The machine: cartesian, corexy, prusa-mini or the path of a TOML file; the
+    /// board's own by default
     #[arg(long)]
     profile: Option<String>,
     /// Start of the image, bytes from the start of flash; the board's own by default
@@ -42,7 +44,8 @@ pub struct TestOptions {
     /// The board at the probe, by name or the path of a TOML file; the virtual mainboard by default
     #[arg(long)]
     board: Option<String>,
-    /// The machine: cartesian, corexy, prusa-mini or the path of a TOML file; the board's own by default
+    /// The machine: cartesian, corexy, prusa-mini or the path of a TOML file; the
+    /// board's own by default
     #[arg(long, requires = "board")]
     profile: Option<String>,
     /// Start of the image, bytes from the start of flash; the board's own by default
@@ -85,7 +88,8 @@ fn rehearse(run: &mut Run, mainboard: &Path) -> Result<(), Failure> {
     run.step("on-target tests on the virtual mainboard", || {
         let bytes = std::fs::read(&image).map_err(|error| format!("{}: {error}", image.display()))?;
         let tests = tests(&bytes).map_err(|error| format!("{}: {error}", image.display()))?;
-        // Each test has a separate machine and one thread: two of them take longer than all others together.
+        // Each test has a separate machine and one thread: two of them take longer than all
+        // others together.
         let outcomes: Vec<Result<String, Failure>> = std::thread::scope(|scope| {
             let running: Vec<_> = tests.iter().map(|test| scope.spawn(|| outcome(mainboard, &image, test))).collect();
             let ended = running.into_iter().map(|test| test.join());

@@ -1,6 +1,9 @@
 //! Prints a job's motion time by the reference planner.
 //!
-//! `cargo xtask reference-time GCODE(.gz) PROFILE.toml|NAME [--junction-deviation MM] [--without-limits] [--look-ahead N]`
+//! ```text
+//! cargo xtask reference-time GCODE(.gz) PROFILE.toml|NAME [--junction-deviation MM]
+//!     [--without-limits] [--look-ahead N]
+//! ```
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;

@@ -1,8 +1,9 @@
-//! Everything of the book, the README and the tests' data that a command makes, made anew by one command.
+//! Everything of the book, the README and the tests' data that a command makes, made
+//! anew by one command.
 //!
-//! Each figure and each table has a test that compares it with the code's present result, and that writes it if
-//! [`REFRESH_VARIABLE`] is set. This command runs all of these tests. The mutants' table is left out, for it takes
-//! hours: `cargo xtask mutants --refresh`.
+//! Each figure and each table has a test that compares it with the code's present result, and that
+//! writes it if [`REFRESH_VARIABLE`] is set. This command runs all of these tests. The mutants'
+//! table is left out, for it takes hours: `cargo xtask mutants --refresh`.
 
 use crate::firmware::{self, Image, Shown};
 use crate::generated::Page;

@@ -1,8 +1,8 @@
 //! A release: a folder with all files that users get and need to check them.
 //!
-//! Images of all boards, the `ferrostep` command for this machine with its completions and manual pages, an archive of
-//! these, a parts list (SBOM, CycloneDX) and the notices of others for each, the licence texts, this version's part of
-//! the changelog, and the SHA-256 of every file.
+//! Images of all boards, the `ferrostep` command for this machine with its completions and manual
+//! pages, an archive of these, a parts list (SBOM, CycloneDX) and the notices of others for each,
+//! the licence texts, this version's part of the changelog, and the SHA-256 of every file.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -20,8 +20,8 @@ use crate::system::{self, cargo};
 /// Checks to leave out.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Options {
-    /// Writes a trial release although sources differ from the last commit, the commit has no tag `vVERSION`, or the list of
-    /// known vulnerabilities cannot be read
+    /// Writes a trial release although sources differ from the last commit, the commit has no tag
+    /// `vVERSION`, or the list of known vulnerabilities cannot be read
     #[arg(long)]
     trial: bool,
 }
@@ -35,8 +35,8 @@ const CHECKSUMS: &str = "SHA256SUMS";
 /// Writes the release of this version into `target/release-VERSION`.
 ///
 /// # Errors
-/// The sources are not those of a tagged version (but for a trial), the changelog has no part for it, something does not build,
-/// or a file cannot be written.
+/// The sources are not those of a tagged version (but for a trial), the changelog has no part for
+/// it, something does not build, or a file cannot be written.
 pub fn write(run: &mut Run, options: &Options) -> Result<(), Failure> {
     let version = env!("CARGO_PKG_VERSION");
     let changes = run.step("version", || {
@@ -112,8 +112,8 @@ const TOOL: [&str; 8] = [
     "ferrostep-cli.cdx.json",
 ];
 
-/// Packs the desktop tool with its completions, pages, licences and notices, the same bytes each time: by tar and gzip,
-/// if they are GNU's.
+/// Packs the desktop tool with its completions, pages, licences and notices, the same bytes each
+/// time: by tar and gzip, if they are GNU's.
 fn write_archive(folder: &Path, version: &str) -> Result<(), Failure> {
     if !cfg!(target_os = "linux") {
         eprintln!("    an archive is made on Linux only");
@@ -169,8 +169,8 @@ fn changes_of(version: &str, changelog: &str) -> Result<String, Failure> {
     }
 }
 
-/// Copies every board's files into a folder named after version and board. The files keep their names, by which boot
-/// loaders look for some of them.
+/// Copies every board's files into a folder named after version and board. The files keep their
+/// names, by which boot loaders look for some of them.
 fn collect_images(folder: &Path, version: &str) -> Result<(), Failure> {
     for board in ferrostep_boards::builtin_names() {
         let to = folder.join(format!("ferrostep-{version}-{board}"));

@@ -1,5 +1,5 @@
-//! Check that an image is the same wherever it is built: two clones of the last commit, in folders of different names
-//! and depths, with cargo's downloads in different ones.
+//! Check that an image is the same wherever it is built: two clones of the last commit, in folders
+//! of different names and depths, with cargo's downloads in different ones.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,8 @@ use crate::system;
 /// Image to build.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
-    /// The board: bench, prusa-buddy, btt-octopus-1.1 or the path of a TOML file within the repository
+    /// The board: bench, prusa-buddy, btt-octopus-1.1 or the path of a TOML file
+    /// within the repository
     #[arg(long, default_value = "bench")]
     board: String,
 }
@@ -27,7 +28,8 @@ const FOLDERS: [(&str, &str); 2] =
 /// # Errors
 /// A build fails, or a file differs.
 pub fn check(run: &mut Run, options: &Options) -> Result<(), Failure> {
-    // A folder outside the repository, whose `.cargo/config.toml` would apply there beside the clone's own.
+    // A folder outside the repository, whose `.cargo/config.toml` would apply there beside
+    // the clone's own.
     let folder = std::env::temp_dir().join(format!("ferrostep-reproducible-{}", std::process::id()));
     let outcome = build_and_compare(run, options, &folder);
     let removed = fs::remove_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()));
@@ -35,7 +37,8 @@ pub fn check(run: &mut Run, options: &Options) -> Result<(), Failure> {
 }
 
 fn build_and_compare(run: &mut Run, options: &Options, folder: &Path) -> Result<(), Failure> {
-    // Both clones are made before a build, which takes minutes: a commit in between would give another image.
+    // Both clones are made before a build, which takes minutes: a commit in between would
+    // give another image.
     run.step("two clones of the last commit", || {
         FOLDERS.into_iter().try_for_each(|(name, _)| {
             let mut git = Command::new("git");

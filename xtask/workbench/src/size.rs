@@ -7,12 +7,13 @@ use ferrostep_boards::constants::STACK_KIB;
 use object::elf::{SHF_ALLOC, SHF_WRITE};
 use object::{Object, ObjectSection, SectionFlags, SectionKind};
 
-/// Share of a chip's RAM that an image may use: more than an eighth stays free after the stack, whose depth is measured
-/// but not proved.
+/// Share of a chip's RAM that an image may use: more than an eighth stays free after the stack,
+/// whose depth is measured but not proved.
 const RAM_SHARE: (u64, u64) = (17, 20);
 
-/// Ports of the motors' signals for whose step queue that share has room, and the bytes of the queue for each further
-/// port: two words in 1024 slots. The size is known when an image is linked, and does not grow while it runs.
+/// Ports of the motors' signals for whose step queue that share has room, and the bytes of the
+/// queue for each further port: two words in 1024 slots. The size is known when an image is linked,
+/// and does not grow while it runs.
 const USUAL_PORTS: usize = 2;
 const PORT_BYTES: u64 = 2 * 4 * 1024;
 
@@ -25,7 +26,8 @@ const CCM: std::ops::Range<u64> = 0x1000_0000..0x1001_0000;
 /// The memory that an image may use, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Budget {
-    /// Flash after the boot loader, all of it: its contents are known when it is linked, and nothing grows while it runs.
+    /// Flash after the boot loader, all of it: its contents are known when it is linked, and
+    /// nothing grows while it runs.
     pub flash: u64,
     /// RAM with the stack. Core-coupled memory is not counted.
     pub ram: u64,
@@ -161,7 +163,8 @@ impl fmt::Display for Table {
 mod tests {
     use super::*;
 
-    /// A 32-bit little-endian ELF file with one section for each (type, flags, address, size), and a table of names.
+    /// A 32-bit little-endian ELF file with one section for each (type, flags, address, size), and
+    /// a table of names.
     fn elf(sections: &[(u32, u32, u32, u32)]) -> Vec<u8> {
         let mut file = Vec::new();
         file.extend([0x7f, b'E', b'L', b'F', 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0]);

@@ -1,7 +1,8 @@
-//! Measures the distances of the edges of a trace's steps on a board whose step interrupt is as late as its image allows.
+//! Measures the distances of the edges of a trace's steps on a board whose step interrupt is as
+//! late as its image allows.
 //!
-//! `cargo xtask step-edges TRACE PROFILE IMAGE.elf`: a trace of `ferrostep print --trace`, the profile that it was made
-//! with, and the image of `cargo xtask firmware`.
+//! `cargo xtask step-edges TRACE PROFILE IMAGE.elf`: a trace of `ferrostep print --trace`, the
+//! profile that it was made with, and the image of `cargo xtask firmware`.
 
 use std::fs;
 use std::path::PathBuf;
@@ -21,7 +22,8 @@ use crate::steps::Failure;
 pub struct Options {
     /// The trace, of `ferrostep print --trace`
     trace: PathBuf,
-    /// The profile that it was printed with: cartesian, corexy, prusa-mini or the path of a TOML file
+    /// The profile that it was printed with: cartesian, corexy, prusa-mini or the
+    /// path of a TOML file
     profile: String,
     /// The board's image, of `cargo xtask firmware`
     image: PathBuf,
@@ -30,7 +32,8 @@ pub struct Options {
 /// Prints the distances of the edges.
 ///
 /// # Errors
-/// A file cannot be read, or two step events are nearer to each other than the step interrupt allows.
+/// A file cannot be read, or two step events are nearer to each other than the step
+/// interrupt allows.
 pub fn run(options: &Options) -> Result<(), Failure> {
     let driver = ferrostep_profiles::load(&options.profile).map_err(|error| error.to_string())?.driver;
     let code = Code::of(&options.image)?;

@@ -1,5 +1,5 @@
-//! Registers as a boot loader may have left them: every one full of ones, and then the image's own start. It must end
-//! with the very values that it has from reset.
+//! Registers as a boot loader may have left them: every one full of ones, and then the image's own
+//! start. It must end with the very values that it has from reset.
 
 use std::collections::BTreeMap;
 
@@ -15,14 +15,15 @@ const PWR_CR: u32 = 0x4000_7000;
 const PWR_CSR: u32 = 0x4000_7004;
 const GPIOA: u32 = 0x4002_0000;
 
-/// First addresses of the peripherals of the buses APB1 and APB2: 1 KiB each, in the order of the bits that reset
-/// them.
+/// First addresses of the peripherals of the buses APB1 and APB2: 1 KiB each, in the order of the
+/// bits that reset them.
 const BUSES: [(u32, u32); 2] = [(RCC + 0x20, 0x4000_0000), (RCC + 0x24, 0x4001_0000)];
 
 /// The bits of RCC_AHB1RSTR that reset the DMA controllers, and where they are.
 const DMA: [(u32, u32); 2] = [(21, 0x4002_6000), (22, 0x4002_6400)];
 
-/// Values after reset other than 0 (RM0090 5.4, 7.3, 3.9, RM0390 the same but for the clocks in sleep).
+/// Values after reset other than 0 (RM0090 5.4, 7.3, 3.9, RM0390 the same but for the
+/// clocks in sleep).
 fn after_reset(address: u32, family: ChipFamily) -> u32 {
     let is_446 = family == ChipFamily::F446;
     let sleep: [u32; 5] = match family {
@@ -121,8 +122,8 @@ fn started(board: &Board, fill: Option<u32>) -> Chip {
     chip
 }
 
-/// Registers that the firmware relies on: the clock and its prescalers, power, flash, timers, serial lines,
-/// converters, DMA, sensors' interrupt lines.
+/// Registers that the firmware relies on: the clock and its prescalers, power, flash, timers,
+/// serial lines, converters, DMA, sensors' interrupt lines.
 fn relied_on(family: ChipFamily) -> Vec<u32> {
     // CR, PLLCFGR, CFGR, CIR; resets; clocks, also in sleep; SSCGR.
     let mut registers: Vec<u32> = [0x00, 0x04, 0x08, 0x0c, 0x80].map(|offset| RCC + offset).to_vec();
@@ -135,7 +136,8 @@ fn relied_on(family: ChipFamily) -> Vec<u32> {
     registers.extend([PWR_CR, 0x4002_3c00]);
     // The core's timer, its memory protection, and how it sleeps.
     registers.extend([0xe000_e010, 0xe000_ed94, 0xe000_ed10]);
-    // TIM2, TIM3, TIM4, TIM5, TIM7, TIM12; TIM1, TIM8, TIM9; USART2 and USART1; ADC1 to ADC3; SDIO; SYSCFG; DMA1 and DMA2.
+    // TIM2, TIM3, TIM4, TIM5, TIM7, TIM12; TIM1, TIM8, TIM9; USART2 and USART1; ADC1 to ADC3; SDIO;
+    // SYSCFG; DMA1 and DMA2.
     let parts = [
         0x4000_0000,
         0x4000_0400,
@@ -169,8 +171,8 @@ fn a_start_after_a_boot_loader_ends_as_one_from_reset() {
     }
 }
 
-/// Ports are not reset, for their pins hold heaters and motors off. So each pin that the board uses is stated in full: mode,
-/// push-pull or not, speed of the signals, pull.
+/// Ports are not reset, for their pins hold heaters and motors off. So each pin that the board uses
+/// is stated in full: mode, push-pull or not, speed of the signals, pull.
 #[test]
 fn pins_that_are_used_do_not_depend_on_who_had_them_before() {
     for board in builtin_names().map(|name| load(name).unwrap()) {
@@ -201,7 +203,8 @@ fn pins_that_are_used_do_not_depend_on_who_had_them_before() {
     }
 }
 
-/// The heaters' ports are held throughout: no reset reaches a port, and none comes before heaters and motors are off.
+/// The heaters' ports are held throughout: no reset reaches a port, and none comes before heaters
+/// and motors are off.
 #[test]
 fn nothing_is_reset_that_holds_a_heater_off() {
     for board in builtin_names().map(|name| load(name).unwrap()) {

@@ -77,8 +77,8 @@ fn the_buddy_steps_with_one_store_and_speaks_to_its_drivers_by_address() {
     assert!(buddy.notes.is_empty());
 }
 
-/// Prusa's boot loader has the first 128 KiB; its container's header the next 512 bytes (Klipper's Kconfig, "128KiB + 512
-/// byte offset"). VTOR wants 512.
+/// Prusa's boot loader has the first 128 KiB; its container's header the next 512 bytes (Klipper's
+/// Kconfig, "128KiB + 512 byte offset"). VTOR wants 512.
 #[test]
 fn the_buddys_image_lies_after_its_boot_loader_or_in_its_place() {
     let buddy = board("prusa-buddy");
@@ -178,7 +178,8 @@ fn the_constants_say_what_heats_and_what_watches_it() {
     }
 }
 
-/// Marlin's `pins_BTT_OCTOPUS_V1_common.h`: I2C_SCL_PIN and I2C_SDA_PIN, a 24C32, which answers at 0x50 with its address pins low.
+/// Marlin's `pins_BTT_OCTOPUS_V1_common.h`: I2C_SCL_PIN and I2C_SDA_PIN, a 24C32, which answers at
+/// 0x50 with its address pins low.
 #[test]
 fn the_octopus_alone_has_an_eeprom() {
     let eeprom = board("btt-octopus-1.1").eeprom.unwrap();
@@ -264,7 +265,8 @@ fn the_octopus_alone_can_switch_a_supply_and_only_for_a_profile_that_has_one() {
     }
 }
 
-/// Marlin's SERVO0_PIN and Klipper's sample of the board (control_pin). Low before it is an output, and an input where no probe needs it.
+/// Marlin's SERVO0_PIN and Klipper's sample of the board (control_pin). Low before it is an output,
+/// and an input where no probe needs it.
 #[test]
 fn the_octopus_alone_has_an_output_for_a_servo_and_uses_it_for_a_pin() {
     let octopus = board("btt-octopus-1.1");
@@ -291,7 +293,8 @@ fn the_octopus_alone_has_an_output_for_a_servo_and_uses_it_for_a_pin() {
 const BLTOUCH: ferrostep_printer::BlTouch =
     ferrostep_printer::BlTouch { move_ms: 680, stows_each_touch: true, tests_signal: true };
 
-/// A light goes to its own level in the safe state, and a fan's output that the profile uses for something else does not blow.
+/// A light goes to its own level in the safe state, and a fan's output that the profile uses for
+/// something else does not blow.
 #[test]
 fn the_safe_state_knows_what_is_no_fan() {
     let profile = |tables: &str| {

@@ -131,7 +131,8 @@ fn a_filament_sensor_needs_an_input() {
     }
 }
 
-/// The Octopus has a second connector for it (Marlin's pin table: FIL_RUNOUT2_PIN is PG13), the Buddy has none.
+/// The Octopus has a second connector for it (Marlin's pin table: FIL_RUNOUT2_PIN is PG13),
+/// the Buddy has none.
 #[test]
 fn a_second_filament_sensor_needs_a_second_input() {
     let profile = |name: &str| {
@@ -361,7 +362,8 @@ fn further_motors_of_z_are_the_boards() {
     assert!(error.contains("on 4 ports at most, not on A, C, E, F, G"), "{error}");
 }
 
-/// A further motor's driver that does not step at both edges, or not at that current, is found as well.
+/// A further motor's driver that does not step at both edges, or not at that current,
+/// is found as well.
 #[test]
 fn further_motors_have_drivers_that_can_be_set() {
     let text = ferrostep_boards::builtin_text("btt-octopus-1.1").unwrap();

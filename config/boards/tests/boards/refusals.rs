@@ -14,7 +14,8 @@ fn error_after(board: &str, from: &str, to: &str) -> String {
 const BUDDY: &str = "prusa-buddy";
 const OCTOPUS: &str = "btt-octopus-1.1";
 
-/// (board, text, its replacement, key and value to blame, what was expected; `{TEXT}`: the line of a text)
+/// (board, text, its replacement, key and value to blame, what was expected; `{TEXT}`:
+/// the line of a text)
 const REFUSALS: [(&str, &str, &str, &str, &str); 62] = [
     ("bench", "name = \"bench\"", "name = \"Bench\"", "name = \"Bench\"", "lower-case letters"),
     ("bench", "name = \"bench\"", "name = \"../bench\"", "name = \"../bench\"", "lower-case letters"),

@@ -176,7 +176,8 @@ fn prusa_mini_is_as_designed() {
             (HomeEnd::Min, HomeSensor::Probe, 0.0),
         ],
     });
-    // Prusa-Firmware-Buddy, Configuration_MINI.h: X_MIN_POS, Y_MIN_POS; Z_SAFE_HOMING_*_POINT less NOZZLE_TO_PROBE_OFFSET.
+    // Prusa-Firmware-Buddy, Configuration_MINI.h: X_MIN_POS, Y_MIN_POS; Z_SAFE_HOMING_*_POINT less
+    // NOZZLE_TO_PROBE_OFFSET.
     assert_eq!(profile.lower_end_10nm, [-2 * MM, -3 * MM, 0]);
     let safe = SafeHoming {
         raise_10nm: 4 * MM,
@@ -207,7 +208,8 @@ fn prusa_mini_is_as_designed() {
     assert_eq!(profile.driver.inverted, 0b0011);
     let limits = |heater: HeaterSettings| (heater.max_celsius, heater.max_target_celsius);
     assert_eq!((limits(profile.nozzle), limits(profile.bed)), ((295.0, 280.0), (110.0, 100.0)));
-    // The nozzle's gains are this project's, as the file says; the bed's are Prusa's: gains of 255 and seconds.
+    // The nozzle's gains are this project's, as the file says; the bed's are Prusa's: gains of
+    // 255 and seconds.
     let gains = profile.bed.gains;
     for (gain, prusa) in [(gains.proportional, 120.0), (gains.integral, 1.5), (gains.derivative, 600.0)] {
         assert!((gain * 255.0 - prusa).abs() < 0.002 * prusa, "{gain} for {prusa} / 255");

@@ -1,9 +1,10 @@
-//! The gains of the built-in profiles settle on the heaters they are written for: 40 W and 250 W. The MINI's heaters
-//! are others, with separate tests (`mini_heat.rs`).
+//! The gains of the built-in profiles settle on the heaters they are written for: 40 W and 250 W.
+//! The MINI's heaters are others, with separate tests (`mini_heat.rs`).
 //!
-//! A plain f64 simulation: one heat capacity, loss to the room, a sensor that follows with a delay of first order,
-//! and a PID at a fixed period. The derivative is that of the measurement, so that a new target gives no kick; the
-//! integral is of the error that the slope leads to, and pauses while the power is at its limit.
+//! A plain f64 simulation: one heat capacity, loss to the room, a sensor that follows with a delay
+//! of first order, and a PID at a fixed period. The derivative is that of the measurement, so that
+//! a new target gives no kick; the integral is of the error that the slope leads to, and pauses
+//! while the power is at its limit.
 
 use ferrostep_printer::{HeaterSettings, PidGains};
 use ferrostep_profiles::{builtin_names, load};
@@ -87,8 +88,8 @@ fn full_power_s(heater: Heater, start: f64, target: f64) -> f64 {
     heater.joules_per_kelvin / heater.watts_per_kelvin * ((highest - start) / (highest - target)).ln()
 }
 
-/// Every run of a heater: up to each target from the room and up by ten degrees, at three control periods and with
-/// sensors up to this delay.
+/// Every run of a heater: up to each target from the room and up by ten degrees, at three control
+/// periods and with sensors up to this delay.
 fn check(name: &str, heater: Heater, settings: &HeaterSettings, targets: &[f64], longest_delay_s: f64) {
     for &target in targets {
         for start in [ROOM_CELSIUS, target - 10.0] {

@@ -20,7 +20,8 @@ fn each_axis_has_the_shaper_that_is_written() {
     let x = AxisShaper { kind: ShaperKind::EiOld, frequency_hz: 52.5, damping: 0.1 };
     let y = AxisShaper { kind: ShaperKind::ThreeHumpEi, frequency_hz: 38.0, damping: 0.06 };
     assert_eq!(both, [x, y]);
-    // Shapers change the motion as it is played: a job that was prepared without shapers holds with them.
+    // Shapers change the motion as it is played: a job that was prepared without shapers
+    // holds with them.
     assert_eq!(shaped_hash, hash);
     let (one, _) = with("[input_shaper]\ny = { kind = \"mzv\", frequency_hz = 40 }").unwrap();
     assert_eq!(one, [AxisShaper::NONE, AxisShaper { kind: ShaperKind::Mzv, ..AxisShaper::NONE }]);

@@ -1,4 +1,5 @@
-//! The MINI's gains and limits on a model of its hot end and bed, by the firmware's own control and checks at their own rate.
+//! The MINI's gains and limits on a model of its hot end and bed, by the firmware's own control and
+//! checks at their own rate.
 
 mod failures;
 mod ordinary;
@@ -41,7 +42,8 @@ fn the_nozzle_overshoots_by_less_than_two_degrees() {
     for dead_s in [2.0, 4.0, 5.6] {
         for target in [100.0, 170.0, 200.0, 215.0, 240.0, 280.0] {
             for supply in [0.86, 1.0, 1.1] {
-                // The longest dead time with the extremes of target and supply is tried in every run.
+                // The longest dead time with the extremes of target and supply is
+                // tried in every run.
                 let is_extreme = dead_s == 5.6 && [170.0, 280.0].contains(&target) && supply != 1.0;
                 if !cases.next().is_some_and(|case| is_extreme || share.contains(&case)) {
                     continue;
@@ -59,7 +61,8 @@ fn the_nozzle_overshoots_by_less_than_two_degrees() {
                 let case =
                     format!("dead time {dead_s} s, {target} C, supply {supply}: {highest} beyond, {settled_s} s");
                 assert!(highest < 2.0 && settled_s < 180, "{case}");
-                // The fan at full power at once, and off again. The hottest targets are not held with it.
+                // The fan at full power at once, and off again. The hottest targets are
+                // not held with it.
                 for power in [255, 0].into_iter().filter(|_| target <= 240.0) {
                     mini.control.set_fan_demand(FanDemand::part(power));
                     mini.run(240.0).unwrap();
@@ -88,8 +91,8 @@ fn the_bed_does_not_overshoot() {
     }
 }
 
-/// The control still knows the power that holds the target after a pause of seconds, with the fan on and a weak
-/// supply.
+/// The control still knows the power that holds the target after a pause of seconds, with the fan
+/// on and a weak supply.
 #[test]
 fn a_short_pause_costs_little() {
     let profile = load("prusa-mini").unwrap();

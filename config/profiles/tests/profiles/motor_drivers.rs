@@ -4,7 +4,8 @@ use ferrostep_profiles::{builtin_text, parse};
 
 use crate::refusals::assert_conflict;
 
-/// A pulse that the step interrupt cannot keep is refused, with the time it needs and what to do instead.
+/// A pulse that the step interrupt cannot keep is refused, with the time it needs and
+/// what to do instead.
 #[test]
 fn a_pulse_lasts_as_long_as_the_step_interrupt_needs() {
     assert_conflict("cartesian", "pulse_width_us = 1.0", "pulse_width_us = 0.99", "driver.pulse_width_us");

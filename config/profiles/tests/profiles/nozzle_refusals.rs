@@ -96,8 +96,8 @@ fn limits_are_what_the_thermistor_can_read() {
     let platinum =
         text().replace("\"semitec-104gt-2\"", "\"pt1000\"").replace("max_celsius = 275", "max_celsius = 500");
     assert_eq!(parse(&platinum, "test.toml").unwrap().nozzle.max_celsius, 500.0);
-    // 130 ohms at 275 degrees count as a short beside 100 kilohms, and 275 kilohms at 5 degrees as an open circuit
-    // beside 100 ohms.
+    // 130 ohms at 275 degrees count as a short beside 100 kilohms, and 275 kilohms at 5 degrees as
+    // an open circuit beside 100 ohms.
     assert_eq!(with_nozzle("pull_up_ohm = 100000").unwrap_err().key(), Some("nozzle.max_celsius"));
     assert_eq!(with_nozzle("pull_up_ohm = 100").unwrap_err().key(), Some("nozzle.min_celsius"));
     assert_eq!(with_nozzle("pull_up_ohm = 99").unwrap_err().key(), Some("nozzle.pull_up_ohm"));

@@ -6,8 +6,8 @@ use ferrostep_profiles::{ProfileError, builtin_text, parse};
 const SHAPERS: &str =
     "[input_shaper]\nx = { kind = \"mzv\", frequency_hz = 60 }\ny = { kind = \"mzv\", frequency_hz = 50 }\n";
 
-/// Methods, and the number that prepared jobs are bound to, of the CoreXY's text with these keys before its own and
-/// these tables after them.
+/// Methods, and the number that prepared jobs are bound to, of the CoreXY's text with these keys
+/// before its own and these tables after them.
 fn with(keys: &str, tables: &str) -> Result<(MotionChoice, u64), ProfileError> {
     let text = format!("{keys}\n{}\n{tables}", builtin_text("corexy").unwrap());
     parse(&text, "test.toml").map(|profile| (profile.motion, profile.plan_hash))

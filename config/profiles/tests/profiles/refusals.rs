@@ -265,7 +265,8 @@ fn motors_step_no_faster_than_events_may_follow() {
     let error = fast("1000", "500.1", "cartesian").unwrap_err();
     assert_eq!(error.key(), Some("max_feed_mm_per_s.x"));
 
-    // A motor of a CoreXY machine sees the sum of both axes' speeds: 1000 mm/s at 160 steps/mm, 6.25 us a step.
+    // A motor of a CoreXY machine sees the sum of both axes' speeds: 1000 mm/s at 160
+    // steps/mm, 6.25 us a step.
     assert_conflict(
         "corexy",
         "minimum_event_interval_us = 2.0",

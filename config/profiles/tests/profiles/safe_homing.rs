@@ -60,7 +60,8 @@ fn a_probe_that_misses_the_bed_is_refused_with_the_numbers() {
     );
     // Where the machine homes without it: in front of the sheet.
     assert!(error(&[("y = 24.1", "y = -3")]).contains("homing.home_at_mm.y = -3: expected 3 to 183 mm"));
-    // Without an outline the travel is the bed: the probe is at -1 mm there, and the travel begins at -2.
+    // Without an outline the travel is the bed: the probe is at -1 mm there, and the
+    // travel begins at -2.
     let outline = "bed_mm = { x = [0, 180], y = [0, 180] }\n";
     parse(&mini(&[(outline, ""), ("x = 176.4, y", "x = 28, y")]), "mini.toml").unwrap();
 }

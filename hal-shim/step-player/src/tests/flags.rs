@@ -22,7 +22,8 @@ fn steps<M: Stepping>(board: &Board<M>) -> usize {
     board.ports[0].changes().len() / M::EVENTS_A_STEP as usize
 }
 
-/// No flag is left after a stop, whenever it comes and whatever the flags were, and the next motion is whole.
+/// No flag is left after a stop, whenever it comes and whatever the flags were, and the next
+/// motion is whole.
 fn assert_no_flag_is_left<M: Stepping + 'static>() {
     for updates in 0..30 {
         for sensor in [false, true] {

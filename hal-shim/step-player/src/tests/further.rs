@@ -28,8 +28,8 @@ fn any_entry() -> impl Strategy<Value = StepEntry> {
     prop_oneof![6 => any_stair(168..1_000), 2 => (0u8..16).prop_map(StepEntry::directions)]
 }
 
-/// Both motors make `together`, the second alone `alone`, up to a stop after `updates`, and then both `together`
-/// again.
+/// Both motors make `together`, the second alone `alone`, up to a stop after `updates`, and then
+/// both `together` again.
 fn assert_counted<M: Stepping + 'static>(together: &[StepEntry], alone: &[StepEntry], updates: usize) {
     let board = Interrupt::<M, 1, 512>::leaked();
     let both = pins::<1>().with_further(2, SECOND, true).unwrap();

@@ -1,15 +1,16 @@
 //! Every interleaving of the planner task with the step interrupt.
 //!
-//! The interrupt runs to its end, the task may be interrupted between any two accesses to shared memory: so a schedule
-//! is the list of how many times the interrupt comes at each access. All schedules of a small ring are tried.
+//! The interrupt runs to its end, the task may be interrupted between any two accesses to shared
+//! memory: so a schedule is the list of how many times the interrupt comes at each access. All
+//! schedules of a small ring are tried.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
 
 use crate::interrupted_access::interrupted;
 
-/// All choices of how often the interrupt comes at each access, up to a number of interrupts in all: a depth-first walk
-/// over the tree of choices.
+/// All choices of how often the interrupt comes at each access, up to a number of interrupts in
+/// all: a depth-first walk over the tree of choices.
 #[derive(Default)]
 struct Choices {
     taken: Vec<(u32, u32)>,
@@ -51,7 +52,8 @@ fn every_schedule(most: u32, mut task: impl FnMut(&'static Board, &mut dyn FnMut
     let choices = Rc::new(RefCell::new(Choices::default()));
     let mut schedules = 0;
     loop {
-        // Leaked: a few hundred bytes a schedule, so that the interrupt may outlive the borrow checker's doubts.
+        // Leaked: a few hundred bytes a schedule, so that the interrupt may outlive the borrow
+        // checker's doubts.
         let machine = Board::leaked();
         let left = Rc::new(std::cell::Cell::new(most));
         let mut run = |piece: &mut dyn FnMut()| {

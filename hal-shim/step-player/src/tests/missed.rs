@@ -1,4 +1,5 @@
-//! The count of updates against the events played: exactly the updates that the interrupt has missed.
+//! The count of updates against the events played: exactly the updates that the
+//! interrupt has missed.
 
 use super::model::{Interrupt, SIGNALS};
 use crate::*;
@@ -33,8 +34,8 @@ fn play<M: Stepping>(board: &Board<M>, feeder: &mut StepFeeder<'_, M, 1, 64>) ->
     most
 }
 
-/// No update is missed on time from the start on, whatever the count was before, over several motions and past the
-/// count's end.
+/// No update is missed on time from the start on, whatever the count was before, over several
+/// motions and past the count's end.
 fn assert_none_missed_on_time<M: Stepping + 'static>() {
     for updates_before in [0, 1, 5, 1_000] {
         let (board, mut feeder) = board::<M>(updates_before);
@@ -59,7 +60,8 @@ fn on_time_nothing_is_missed() {
     assert_none_missed_on_time::<Pulses>();
 }
 
-/// The interrupt is held up for some intervals: the timer keeps one update for it, the others are missed. No event is lost.
+/// The interrupt is held up for some intervals: the timer keeps one update for it, the others are
+/// missed. No event is lost.
 fn assert_missed_are_counted<M: Stepping + 'static>() {
     for held_up in [1, 2, 7, 40] {
         let (board, mut feeder) = board::<M>(3);
@@ -87,8 +89,8 @@ fn missed_updates_are_counted_and_lose_no_event() {
     assert_missed_are_counted::<Pulses>();
 }
 
-/// A count lower than that of the events played is not a fault: no timer counts, or the interrupt came between two
-/// looks.
+/// A count lower than that of the events played is not a fault: no timer counts, or the interrupt
+/// came between two looks.
 #[test]
 fn a_count_behind_the_events_is_nothing_missed() {
     let (board, mut feeder) = board::<BothEdges>(0);
@@ -121,8 +123,8 @@ fn after_the_last_event_nothing_is_missed() {
     }
 }
 
-/// A second timer that does not count although it is there: the difference shows at half the count's range, all at once, and far
-/// beyond what the planner task tolerates.
+/// A second timer that does not count although it is there: the difference shows at half the
+/// count's range, all at once, and far beyond what the planner task tolerates.
 #[test]
 fn a_count_that_stands_still_shows_as_many_missed_updates() {
     let (board, mut feeder) = board::<BothEdges>(0);

@@ -9,7 +9,8 @@ use crate::*;
 
 const RING: usize = 64;
 
-/// A board that plays entries up to some update; and the motors' right positions at the end of the queue.
+/// A board that plays entries up to some update; and the motors' right positions at the
+/// end of the queue.
 struct Run<M: 'static, const PORTS: usize> {
     board: &'static Interrupt<M, PORTS, RING>,
     ledger: StepLedger,

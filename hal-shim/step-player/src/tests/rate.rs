@@ -1,6 +1,8 @@
-//! Shortest distance of events, with the interrupt's own time, its latency, and whatever holds it up.
+//! Shortest distance of events, with the interrupt's own time, its latency, and
+//! whatever holds it up.
 //!
-//! A late reload value repeats a gap, so the intervals here change all the time, and every edge is held against its plan.
+//! A late reload value repeats a gap, so the intervals here change all the time, and every edge is
+//! held against its plan.
 
 use super::model::{CYCLES_A_TICK, Interrupt, SIGNALS};
 use crate::*;
@@ -38,7 +40,8 @@ impl StepObserver for Due {
 struct Delays {
     /// Cycles from an update to the interrupt's first instruction, at the most.
     most_entry: u64,
-    /// Cycles before each of its accesses to the timer; the edge comes before the second, the reload value after it.
+    /// Cycles before each of its accesses to the timer; the edge comes before the second, the
+    /// reload value after it.
     access: u64,
     /// Every fiftieth interrupt on average is held up for up to this many cycles.
     most_held_up: u64,
@@ -109,7 +112,8 @@ fn run<M: Stepping + 'static>(entries: &[StepEntry], signals: Signals, delays: D
     Outcome { late, shortest_level, missed }
 }
 
-/// Every edge is off its plan by no more than the entries' latencies differ, whatever the intervals do.
+/// Every edge is off its plan by no more than the entries' latencies differ, whatever
+/// the intervals do.
 fn assert_on_time<M: Stepping + 'static>(delays: Delays) {
     let entries = changing(&mut Random(1), 2 * MIN_GAP_TICKS);
     let signals = Signals { pulse_ticks: MIN_GAP_TICKS, direction_setup_ticks: MIN_GAP_TICKS };
@@ -157,8 +161,9 @@ fn one_event_a_gap_is_sustained_at_the_bound() {
     assert!(outcome.late.iter().all(|late| late.unsigned_abs() <= delays.most_entry - 12));
 }
 
-/// The interrupt is held up for up to ten intervals. Every missed update makes all that follows late by the gap that the timer
-/// repeats; no step is lost, and none comes nearer to the one before than planned but for the latency.
+/// The interrupt is held up for up to ten intervals. Every missed update makes all that follows
+/// late by the gap that the timer repeats; no step is lost, and none comes nearer to the one before
+/// than planned but for the latency.
 #[test]
 fn an_interrupt_that_is_held_up_delays_steps_and_never_hurries_them() {
     let delays = Delays { most_entry: 16, access: 14, most_held_up: 3_000 };

@@ -38,7 +38,8 @@ struct Chip {
 }
 
 impl Chip {
-    /// A chip as reset leaves it, or with every register full of ones: on a PLL, prescalers at their largest.
+    /// A chip as reset leaves it, or with every register full of ones: on a PLL, prescalers
+    /// at their largest.
     fn new(fill: Option<u32>) -> Self {
         let recorder = STATED.into_iter().fold(Recorder::default(), |recorder, register| {
             let at_reset = match register {
@@ -160,8 +161,8 @@ fn registers_have_the_values_of_the_manual() {
     }
 }
 
-/// CSSON follows the switch to the PLL and is set with the crystal only: the internal oscillator is not watched, and
-/// a fault would be called at once.
+/// CSSON follows the switch to the PLL and is set with the crystal only: the internal oscillator is
+/// not watched, and a fault would be called at once.
 #[test]
 fn the_crystal_is_watched_once_the_core_runs_from_it() {
     let (source, chip) = start(Chip::new(None), SETTINGS[0]);
@@ -183,8 +184,8 @@ fn a_stopped_crystal_is_known_by_its_flag() {
     assert!(crystal_has_stopped(&mut registers));
 }
 
-/// PWR_CR is read back after its clock is switched on; otherwise its store, and with it the voltage's scale, would be
-/// lost.
+/// PWR_CR is read back after its clock is switched on; otherwise its store, and with it the
+/// voltage's scale, would be lost.
 #[test]
 fn the_voltage_is_chosen_also_where_clocks_start_late() {
     for settings in SETTINGS {
@@ -195,7 +196,8 @@ fn the_voltage_is_chosen_also_where_clocks_start_late() {
     }
 }
 
-/// 84 MHz become 8 MHz on the host's line, 16 MHz divided by 2: the last words are read at the speed of before.
+/// 84 MHz become 8 MHz on the host's line, 16 MHz divided by 2: the last words are read at the
+/// speed of before.
 #[test]
 fn the_serial_line_keeps_its_speed_without_the_crystal() {
     for baud in [9_600, 115_200, 250_000] {

@@ -52,7 +52,8 @@ impl Registers for Recorder {
         self.stores.push((address, value));
     }
 }
-/// Registers that lose the first access after a clock was switched on, unless the switch was read back.
+/// Registers that lose the first access after a clock was switched on, unless the
+/// switch was read back.
 #[derive(Clone, Debug)]
 pub struct Sluggish<R> {
     /// The registers.

@@ -14,8 +14,8 @@ pub struct Capacity {
     pub blocks: u32,
 }
 
-/// Reads the capacity from the upper 96 bits of the register CSD, the highest first; `None` for a layout that does
-/// not exist yet.
+/// Reads the capacity from the upper 96 bits of the register CSD, the highest first; `None` for a
+/// layout that does not exist yet.
 pub fn capacity([high, middle, low]: [u32; 3]) -> Option<Capacity> {
     match high >> 30 {
         0 => {

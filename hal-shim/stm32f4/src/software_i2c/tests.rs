@@ -17,7 +17,8 @@ enum Said {
 }
 use Said::{Byte, Start, Stop};
 
-/// Two wires with pull-ups, and a part at 0x50 that answers reads with 1, 2, 3, and so on. It listens to the levels only.
+/// Two wires with pull-ups, and a part at 0x50 that answers reads with 1, 2, 3, and so on. It
+/// listens to the levels only.
 struct Wires {
     pins: I2cPins,
     /// The master's outputs: released (true) or pulled low.
@@ -236,7 +237,8 @@ fn a_missing_acknowledge_ends_the_transfer_with_a_stop() {
     assert!(written);
 }
 
-/// A part that this chip's reset has interrupted within any bit of any byte is free again, and hears the next address.
+/// A part that this chip's reset has interrupted within any bit of any byte is free again, and
+/// hears the next address.
 #[test]
 fn an_interrupted_read_is_ended() {
     for byte in 0..=255 {

@@ -1,8 +1,9 @@
 //! The same lines with motors that turn evenly between their steps.
 //!
-//! A rotor is heavy and does not stand still between two steps of a fast motor. In this view, each motor's place rises
-//! straight from the middle of one of its steps to the middle of the next. It is the other extreme of judging a line,
-//! and the one at which the paper's dual-rate lines are straight.
+//! A rotor is heavy and does not stand still between two steps of a fast motor. In this view,
+//! each motor's place rises straight from the middle of one of its steps to the middle of the
+//! next. It is the other extreme of judging a line, and the one at which the paper's dual-rate
+//! lines are straight.
 
 use crate::plane::LineEvent;
 
@@ -77,8 +78,9 @@ mod tests {
         let events = even.map(|(share, steps)| LineEvent { share, steps });
         let straight = distance(2, 1, &events);
         assert!(straight.largest < 1e-12 && straight.mean < 1e-12);
-        // B a sixth of the time early: at 1/3 it is at 1/2 instead of 1/3, and 1/6 too far; x - y is. sqrt(5) is the length,
-        // and (x y' - y x') = (2 (a - b) - (a + b)) / 2 = (a - 3 b) / 2 = -1/4.
+        // B a sixth of the time early: at 1/3 it is at 1/2 instead of 1/3, and 1/6 too far;
+        // x - y is. sqrt(5) is the length, and (x y' - y x') = (2 (a - b) - (a + b)) / 2 =
+        // (a - 3 b) / 2 = -1/4.
         let uneven = [(1.0 / 6.0, [1, 0]), (1.0 / 3.0, [0, 1]), (0.5, [1, 0]), (5.0 / 6.0, [1, 0])];
         let events = uneven.map(|(share, steps)| LineEvent { share, steps });
         let off = distance(2, 1, &events);

@@ -1,7 +1,8 @@
-//! Two ways to follow the nozzle: an extruder with its own step times, and one that steps with the master.
+//! Two ways to follow the nozzle: an extruder with its own step times, and one that steps
+//! with the master.
 //!
-//! Both are worked out here along a straight chain of moves, by the path alone: the machine's time law is the same for
-//! both.
+//! Both are worked out here along a straight chain of moves, by the path alone: the machine's time
+//! law is the same for both.
 
 use crate::bresenham::{Classic, Slope, Uncounted};
 
@@ -29,7 +30,8 @@ fn by_its_own_times() -> Steps {
     (0..last).map(|step| (f64::from(step) + 0.5) / STEPS_PER_PATH_MM).collect()
 }
 
-/// Steps by Bresenham: with some of the master's steps of each move, from one rounded position to the next.
+/// Steps by Bresenham: with some of the master's steps of each move, from one rounded
+/// position to the next.
 fn by_the_master(move_mm: f64) -> Steps {
     let master_steps = (move_mm * MASTER_STEPS_PER_MM).round() as u32;
     let mut steps = Vec::new();

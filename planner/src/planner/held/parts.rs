@@ -1,4 +1,5 @@
-//! The parts of what is held, in the order of time: stages of filament along legs, legs without filament, filament alone.
+//! The parts of what is held, in the order of time: stages of filament along legs, legs without
+//! filament, filament alone.
 
 use super::super::block_rules::{PartLimits, Travel};
 use super::{FilamentMove, Held, Next, Part, TravelMove};
@@ -39,8 +40,8 @@ impl FilamentMove {
         }
     }
 
-    /// Next part of the filament move, `filament_mm` long, in units of 0.1 nm, after what is done of it; `is_last`: all
-    /// that is left.
+    /// Next part of the filament move, `filament_mm` long, in units of 0.1 nm, after what is done
+    /// of it; `is_last`: all that is left.
     fn part_100pm(&self, filament_mm: f32, done_100pm: i64, is_last: bool) -> i64 {
         let left_100pm = self.filament_100pm.wrapping_sub(done_100pm);
         if is_last {
@@ -132,7 +133,8 @@ impl Held {
         stage.leg = self.forwards(stage.leg);
         let filament_100pm = filament.part_100pm(filament_mm, done_100pm, number == 1);
         let own = LineEnd { line: filament.line, ends_move: number == 1 };
-        // Seen from its end, it begins where it ends in time. The line of the last leg ends before the recovery's does, where the recovery's end is reported.
+        // Seen from its end, it begins where it ends in time. The line of the last leg ends before
+        // the recovery's does, where the recovery's end is reported.
         let line_end = if stage.leg + 1 < self.travels || !filament.ends_move {
             self.line_of(&stage, stage.begins_leg)
         } else if stage.ends_leg {
@@ -147,7 +149,8 @@ impl Held {
         Some((part, Next::Recovery { stage: number.saturating_sub(1), done_100pm }))
     }
 
-    /// Part of a leg without filament, from `begin_mm` on; `None` at the start of the recovery and after the last leg.
+    /// Part of a leg without filament, from `begin_mm` on; `None` at the start of the recovery and
+    /// after the last leg.
     fn travel(&self, leg: usize, begin_mm: f32, is_after: bool) -> Option<(Part, Next)> {
         let (until_leg, until_mm) = self.spread.recovery.map_or((self.travels, 0.0), |ride| {
             let leg = self.forwards(ride.leg.into());

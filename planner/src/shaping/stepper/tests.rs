@@ -10,12 +10,14 @@ use crate::step_queue::StepKind;
 use crate::{AXES, Acceleration, AxisShaper, Move, Planner, PressureAdvance, ShaperKind, Speed, StepsPerMm};
 use proptest::prelude::*;
 
-/// Most ticks by which a step may move when the plan is cut. Both solutions keep within 20 ticks of the filtered law
-/// (`tests/shaped.rs`); a cut adds no error, since a piece begins and ends where the law is.
+/// Most ticks by which a step may move when the plan is cut. Both solutions keep within 20 ticks
+/// of the filtered law (`tests/shaped.rs`); a cut adds no error, since a piece begins and ends
+/// where the law is.
 const MOST_TICKS: u64 = 20;
 
-/// ... or by which the motor moves in between, steps. A motor of CoreXY that hardly moves while X and Y run has the sum of
-/// their accelerations in single precision: over a ramp of 1200 steps, an eighth of 6e-8 of them.
+/// ... or by which the motor moves in between, steps. A motor of CoreXY that hardly moves while X
+/// and Y run has the sum of their accelerations in single precision: over a ramp of 1200 steps, an
+/// eighth of 6e-8 of them.
 const MOST_STEPS: f64 = 1e-5;
 
 /// The steps of each motor: tick, and whether it goes backwards. And the ends of moves.
@@ -53,8 +55,8 @@ impl StepSink for Steps {
 }
 
 impl Plan {
-    /// Adds a block of one move as [`Self::add`] does, with every piece of its law cut at these shares of
-    /// its time.
+    /// Adds a block of one move as [`Self::add`] does, with every piece of its law cut at these
+    /// shares of its time.
     fn add_cut(&mut self, planned: &PlannedBlock, law: &TimeLaw, shares: &[f64]) -> u64 {
         let block = &planned.block;
         let [dx, dy, dz] = block.steps;
@@ -84,8 +86,8 @@ impl Plan {
     }
 }
 
-/// A machine: its shapers, how its extruder advances, and the time of its moving average, s. Where the filament is faster or slower than that of a second slope a
-/// piece is cut anyway.
+/// A machine: its shapers, how its extruder advances, and the time of its moving average, s. Where
+/// the filament is faster or slower than that of a second slope a piece is cut anyway.
 type Machine = (Kinematics, [AxisShaper; 2], PressureAdvance, Option<f64>);
 
 /// Steps/mm of its extruder.
@@ -106,7 +108,8 @@ fn smooth_time_s() -> impl Strategy<Value = Option<f64>> {
     prop_oneof![Just(None), (0.001..0.008_f64).prop_map(Some)]
 }
 
-/// Executes blocks with these filters, their pieces cut at these shares or whole. The ring still holds all pieces.
+/// Executes blocks with these filters, their pieces cut at these shares or whole. The ring still
+/// holds all pieces.
 fn motion(
     (kinematics, shapers, advance, smooth_time_s): Machine,
     blocks: &[(PlannedBlock, TimeLaw)],
@@ -138,8 +141,8 @@ fn motion(
     (stepper, steps)
 }
 
-/// Executes blocks whole and cut, and compares: number, order and directions of each motor's steps are the same, and
-/// their times to rounding.
+/// Executes blocks whole and cut, and compares: number, order and directions of each motor's steps
+/// are the same, and their times to rounding.
 fn compare(machine: Machine, blocks: &[(PlannedBlock, TimeLaw)], shares: &[f64]) {
     let ((stepper, whole), (_, cut)) = (motion(machine, blocks, None), motion(machine, blocks, Some(shares)));
     assert_eq!(whole.ended_lines, cut.ended_lines);
@@ -166,7 +169,8 @@ fn compare(machine: Machine, blocks: &[(PlannedBlock, TimeLaw)], shares: &[f64])
 /// A move, relative: mm, turn from the one before, filament and feed, mm and mm/s.
 type Relative = (f64, f64, f64, f64);
 
-/// The blocks of a planner with corners, at most three pieces each; every move is one, too long to be joined.
+/// The blocks of a planner with corners, at most three pieces each; every move is one, too
+/// long to be joined.
 fn planned(
     (kinematics, shapers, pressure_advance, smooth_time_s): Machine,
     acceleration: f64,

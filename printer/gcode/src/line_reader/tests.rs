@@ -80,8 +80,8 @@ fn too_long(line_number: u32, number: Option<i64>, checksum: Checksum) -> Read {
     Read::Refused(LineError::TooLong { line_number, number, checksum })
 }
 
-/// A long line has the checksum of the whole, so that a host is not asked endlessly for a line that has come as it sent
-/// it.
+/// A long line has the checksum of the whole, so that a host is not asked endlessly for a line that
+/// has come as it sent it.
 #[test]
 fn a_long_line_has_its_checksum() {
     let long = "x".repeat(1000);

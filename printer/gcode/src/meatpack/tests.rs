@@ -5,8 +5,9 @@ use super::*;
 /// Switches packing on.
 const ENABLE: [u8; 3] = [255, 255, 251];
 
-/// Packed by the Python code of OctoPrint-MeatPack (its packer, `meatpack.py`), and what it packed: twelve numbered lines, two
-/// plain ones, one that it freed of its comment. It takes the spaces out of G commands and makes their checksums anew.
+/// Packed by the Python code of OctoPrint-MeatPack (its packer, `meatpack.py`), and what it packed:
+/// twelve numbered lines, two plain ones, one that it freed of its comment. It takes the spaces out
+/// of G commands and makes their checksums anew.
 const WITH_SPACES: (&[u8], &str) =
     (include_bytes!("../../tests/data/packed_spaces.bin"), include_str!("../../tests/data/packed_spaces.gcode"));
 const WITHOUT_SPACES: (&[u8], &str) =

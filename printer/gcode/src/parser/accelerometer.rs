@@ -4,7 +4,8 @@ use super::code::Code;
 use super::words::Words;
 use crate::{Command, ParseError};
 
-/// Reads the words of M955 (and else of M956). There is one accelerometer, 0, whose pins are the board's.
+/// Reads the words of M955 (and else of M956). There is one accelerometer, 0, whose pins
+/// are the board's.
 pub(super) fn parse<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     let is_of_settings = code.number == 955;
     if code.rest.contains('"') {

@@ -1,4 +1,5 @@
-//! G29, G30, G34, G35, G80, M48, M420, M421 and M555: the bed's mesh, in Marlin's words and Prusa's.
+//! G29, G30, G34, G35, G80, M48, M420, M421 and M555: the bed's mesh, in Marlin's
+//! words and Prusa's.
 
 use super::code::Code;
 use super::words::Words;
@@ -35,8 +36,8 @@ const NOT_GIVEN: i64 = -9999;
 /// Below this S of G29 is a slot or a step of the levelling, not a speed.
 const MIN_SPEED: i64 = 10;
 
-/// G29. Firmwares differ in its letters, and it measures only where all of them do: a letter that means nothing here must not
-/// become a probing of the whole bed.
+/// G29. Firmwares differ in its letters, and it measures only where all of them do: a letter that
+/// means nothing here must not become a probing of the whole bed.
 fn measure<'a>(words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     let follow = |on, fade, reports| Ok(Command::Bed(BedCommand::Follow { on, fade, reports }));
     let has = |words: &Words<'_>, letters: &[u8]| letters.iter().any(|&letter| words.is_present(letter));
@@ -44,7 +45,8 @@ fn measure<'a>(words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     let is_first_phase = has_phase && !words.is_other_than(b'P', 1);
     let (has_edges, has_size) = (has(words, b"RB"), has(words, b"WH"));
     if !is_first_phase {
-        // F is the fade height in unified levelling; in bilinear levelling it is an edge, beside others.
+        // F is the fade height in unified levelling; in bilinear levelling it is an
+        // edge, beside others.
         let fade = if has_edges { None } else { words.not_negative(b'F')? };
         if words.flag(b'A') {
             return follow(Some(true), fade, false);

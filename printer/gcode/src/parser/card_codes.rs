@@ -81,7 +81,8 @@ fn is_words(text: &str) -> bool {
     text.split_ascii_whitespace().all(is_word)
 }
 
-/// Splits a path from the `#` that ends it, and from the text after it. A name may contain `#` as well.
+/// Splits a path from the `#` that ends it, and from the text after it. A name may
+/// contain `#` as well.
 fn before_end_mark(text: &str) -> &str {
     let ends =
         |place: &usize| text.get(place + 1..).is_some_and(|rest| rest.is_empty() || rest.starts_with([' ', '\t']));

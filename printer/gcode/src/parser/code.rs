@@ -36,12 +36,14 @@ impl<'a> Code<'a> {
         words.read(self.rest, Strays::Remarked).map(|()| words)
     }
 
-    /// The words of a command that moves something, or says where something is: a number without its letter is an error.
+    /// The words of a command that moves something, or says where something is: a number without
+    /// its letter is an error.
     pub(super) fn places<'w, 'r>(&self, words: &'w mut Words<'r>) -> Result<&'w mut Words<'r>, ParseError> {
         words.read(self.rest, Strays::Refused).map(|()| words)
     }
 
-    /// Reads the text after the code into a separate list, for a command whose meaning depends on it.
+    /// Reads the text after the code into a separate list, for a command whose
+    /// meaning depends on it.
     pub(super) fn peek<'r>(&self, remarks: &'r mut Remarks) -> Result<Words<'r>, ParseError> {
         Words::parse(self.rest, remarks, Strays::Remarked)
     }

@@ -59,7 +59,8 @@ fn arc<'a>(code: Code<'a>, clockwise: bool, words: &mut Words<'_>) -> Result<Com
     if words.is_not_zero(b'K') {
         return Err(not_supported("G2 and G3 with K", "the arc would be missing; write arcs in XY"));
     }
-    // Slicers lift with P1, which is once around; some firmware counts the turns, some those beyond the first.
+    // Slicers lift with P1, which is once around; some firmware counts the turns, some those
+    // beyond the first.
     let turns = words.value(b'P').unwrap_or_default();
     if turns != Decimal::ZERO && turns != Decimal::from_nanos(1_000_000_000) {
         return Err(not_supported(
@@ -103,7 +104,8 @@ fn home<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseE
     Ok(Command::Home { axes, unless_homed: words.flag(b'O') })
 }
 
-/// G92. Without words all become zero; so does an axis without a number, for which the line was written.
+/// G92. Without words all become zero; so does an axis without a number, for which the
+/// line was written.
 fn set_position<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     let words = code.places(words)?;
     if words.is_empty() {
@@ -114,7 +116,8 @@ fn set_position<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>
     Ok(Command::SetPosition(AxisWords { x, y, z, e }))
 }
 
-/// G10 and G11. On other machines they set a tool's temperatures with P or R, and its offset with L or with P and an axis.
+/// G10 and G11. On other machines they set a tool's temperatures with P or R, and its offset with L
+/// or with P and an axis.
 fn retract_or_recover<'a>(
     code: Code<'a>,
     command: Command<'a>,

@@ -48,7 +48,8 @@ pub(super) fn parse<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command
         226 => pause(code, words),
         876 => {
             let words = code.words(words)?;
-            // P: a host says, as OctoPrint does when it connects, whether it shows prompts. Those that do not are told as well.
+            // P: a host says, as OctoPrint does when it connects, whether it shows prompts. Those
+            // that do not are told as well.
             let shows_prompts = words.whole_to(b'P', 1)?;
             match words.whole_to(b'S', u8::MAX)? {
                 Some(button) => Ok(Command::PromptAnswer(button)),
@@ -105,8 +106,8 @@ pub(super) fn parse<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command
         81 => Ok(Command::Supply(SupplyCommand::Off { when_cool: code.words(words)?.flag(b'S') })),
         82 => code.without_words(Command::AbsoluteExtrusion, words),
         83 => code.without_words(Command::RelativeExtrusion, words),
-        // Marlin kills an idle machine; here the heaters go off. S0, which slicers write to be left alone, leaves them
-        // watched.
+        // Marlin kills an idle machine; here the heaters go off. S0, which slicers write to be left
+        // alone, leaves them watched.
         85 => match code.words(words)?.whole_up_to(b'S', u16::MAX)? {
             Some(0) => Ok(Command::HeaterTimeout(None)),
             seconds => Ok(Command::HeaterTimeout(seconds)),
@@ -315,7 +316,8 @@ pub(super) fn parse<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command
     }
 }
 
-/// M301, M304 and M309. C and L of M301, what the filament takes, have no effect; its H is RepRapFirmware's, 0 is the bed.
+/// M301, M304 and M309. C and L of M301, what the filament takes, have no effect; its H is
+/// RepRapFirmware's, 0 is the bed.
 fn gains<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     let words = code.words(words)?;
     let mut is_nozzle = code.number == 301;
@@ -338,8 +340,8 @@ fn gains<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, Parse
     })
 }
 
-/// M303: E is Marlin's word, -1 is the bed and -2 the chamber, H RepRapFirmware's, 0 is the bed, and T its tool. D switches messages of
-/// the control in Marlin, and heats nothing.
+/// M303: E is Marlin's word, -1 is the bed and -2 the chamber, H RepRapFirmware's, 0 is the bed,
+/// and T its tool. D switches messages of the control in Marlin, and heats nothing.
 fn autotune<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     let words = code.words(words)?;
     if words.is_present(b'D') {
@@ -443,7 +445,8 @@ fn stop<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseE
     Ok(Command::Stop { longest_ms, text })
 }
 
-/// Length of the word P or S at the start of a text, with the blanks after it; `None` if it begins with another.
+/// Length of the word P or S at the start of a text, with the blanks after it; `None` if it
+/// begins with another.
 fn time_length(text: &str) -> Option<usize> {
     let bytes = text.as_bytes();
     let at = match bytes {
@@ -467,8 +470,8 @@ fn pause<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, Parse
     Ok(Command::ChangeFilament { tool: words.tool(b'T'), park, unload: words.value(b'U'), load: words.value(b'L') })
 }
 
-/// M603, M701 and M702. `M702 C`, at the end of prints for Prusa's MK3, unloads where there is a multi-material unit, and nothing without
-/// one.
+/// M603, M701 and M702. `M702 C`, at the end of prints for Prusa's MK3, unloads where there is a
+/// multi-material unit, and nothing without one.
 #[inline(never)]
 fn filament<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     let loads = code.number == 701;
@@ -488,8 +491,8 @@ fn filament<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, Pa
 /// Words of M106 with which no firmware sets a power.
 const FAN_WORDS: &[u8] = b"ABCFHKLRX";
 
-/// M106 and M107. Slicers write powers such as 252.45, which are rounded. Other words without an S set up the fan elsewhere, and not
-/// its power.
+/// M106 and M107. Slicers write powers such as 252.45, which are rounded. Other words without an S
+/// set up the fan elsewhere, and not its power.
 #[inline(never)]
 fn fan<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     let words = code.words(words)?;

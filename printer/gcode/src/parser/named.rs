@@ -1,6 +1,8 @@
-//! Commands with names, `SET_VELOCITY_LIMIT ACCEL=3000`, which slicers write for Klipper: those that mean something here.
+//! Commands with names, `SET_VELOCITY_LIMIT ACCEL=3000`, which slicers write for Klipper: those
+//! that mean something here.
 //!
-//! Names and words count in upper and lower case. Commands without effect here are in [`crate::NOT_EXECUTED`].
+//! Names and words count in upper and lower case. Commands without effect here are in
+//! [`crate::NOT_EXECUTED`].
 
 use super::code::Code;
 use super::pin;
@@ -107,7 +109,8 @@ impl<'a> NamedWords<'a> {
         Divided(self.text).any(is_bare)
     }
 
-    /// Refuses a line that has words, and none that the command has: it would be taken for a question.
+    /// Refuses a line that has words, and none that the command has: it would be
+    /// taken for a question.
     fn must_be_known(&self) -> Result<(), ParseError> {
         let all_unknown = self.unknown().count() == self.keys().count();
         if all_unknown && self.unknown().next().is_some() { Err(self.expected()) } else { Ok(()) }
@@ -163,15 +166,16 @@ impl<'a> NamedWords<'a> {
         Ok(None)
     }
 
-    /// The tool whose extruder a word names, as Klipper has it: `extruder`, `extruder1`. Any other name is of one that no machine has.
+    /// The tool whose extruder a word names, as Klipper has it: `extruder`, `extruder1`. Any other
+    /// name is of one that no machine has.
     fn extruder(&self, key: &str) -> Option<u8> {
         let name = self.value(key)?;
         let number = EXTRUDERS.iter().position(|known| is_one_of(known.as_bytes(), name));
         Some(number.and_then(|number| u8::try_from(number).ok()).unwrap_or(u8::MAX))
     }
 
-    /// The error of a line without a word that it needs, or with one that cannot be read. A word that the command does not have is
-    /// the likeliest cause.
+    /// The error of a line without a word that it needs, or with one that cannot be read. A word
+    /// that the command does not have is the likeliest cause.
     pub(super) fn expected(&self) -> ParseError {
         let (command, words) = (self.command, self.form);
         match self.unknown().next() {
@@ -316,7 +320,8 @@ fn align<'a>(words: &NamedWords<'a>) -> Result<Command<'a>, ParseError> {
     Ok(Command::Bed(BedCommand::Align { rounds, accuracy, amplification: None }))
 }
 
-/// SET_FAN_SPEED and SET_PIN. Klipper's pins may have another full value than 1 (`scale`): more is full power, with a remark.
+/// SET_FAN_SPEED and SET_PIN. Klipper's pins may have another full value than 1 (`scale`): more is
+/// full power, with a remark.
 #[inline(never)]
 fn fan<'a>(words: &NamedWords<'a>, name: &str, value: &str, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let (name, speed) = (words.value_text(name), words.number(value)?);

@@ -84,7 +84,8 @@ fn what_is_missing_or_malformed_is_refused() {
     }
 }
 
-/// Klipper ignores a word that a command does not have; if another is missing, it is the likeliest cause.
+/// Klipper ignores a word that a command does not have; if another is missing, it is the
+/// likeliest cause.
 #[test]
 fn unknown_words_are_named() {
     use crate::AdvanceWords;
@@ -109,7 +110,8 @@ fn unknown_words_are_named() {
     }
 }
 
-/// Commands that begin, pause and end files for Klipper are known, and a remark says why they do nothing.
+/// Commands that begin, pause and end files for Klipper are known, and a remark says why
+/// they do nothing.
 #[test]
 fn what_means_nothing_here_says_so() {
     for (text, says) in [

@@ -4,7 +4,8 @@ use super::tests::{number, reads, reads_with, refused, some};
 use super::*;
 use crate::{ArcForm, AxisFlags, AxisWords, Decimal, Remarks};
 
-/// A remark says why a command is not executed; `tests` of `not_executed` go through the table itself.
+/// A remark says why a command is not executed; `tests` of `not_executed` go through
+/// the table itself.
 #[test]
 fn commands_without_effect_say_why() {
     for (text, says) in [

@@ -15,11 +15,12 @@ pub(super) struct Form {
     expected: &'static str,
 }
 
-/// M900 K, as Marlin has it. S and L, its second number to switch to, mean nothing here. Some profiles of slicers write K=0.05.
+/// M900 K, as Marlin has it. S and L, its second number to switch to, mean nothing here. Some
+/// profiles of slicers write K=0.05.
 pub(super) const M900: Form = Form { command: "M900", tool: b'T', slow: b'K', expected: "K with a number" };
 
-/// M572 S, as RepRapFirmware has it (D is the extruder), W, the time over which it is averaged, as Prusa's firmware has it; L and T
-/// are another K for the flow beyond a speed.
+/// M572 S, as RepRapFirmware has it (D is the extruder), W, the time over which it is averaged, as
+/// Prusa's firmware has it; L and T are another K for the flow beyond a speed.
 pub(super) const M572: Form =
     Form { command: "M572", tool: b'D', slow: b'S', expected: "S with a number, and with L also T" };
 

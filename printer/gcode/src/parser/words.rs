@@ -10,12 +10,13 @@ pub(super) enum Strays {
     Remarked,
     /// The number is an error: it could have been a coordinate.
     Refused,
-    /// Ignored with a remark, like [`Self::Remarked`]; in addition `=` may come before a number, as in Klipper.
+    /// Ignored with a remark, like [`Self::Remarked`]; in addition `=` may come before a
+    /// number, as in Klipper.
     Assigned,
 }
 
-/// The words of a line, by letter. Oddities of the words that are asked for go to `remarks`; so do, in the end, the
-/// words that were never asked for.
+/// The words of a line, by letter. Oddities of the words that are asked for go to `remarks`; so do,
+/// in the end, the words that were never asked for.
 pub(super) struct Words<'a> {
     remarks: &'a mut Remarks,
     /// Bit 0 = A: the letter is there.
@@ -49,8 +50,8 @@ impl<'a> Words<'a> {
     }
 
     /// Reads the words of a line into an empty list, in place, for it has 220 bytes. A second
-    /// command ends them, because its words would count as the first one's. A letter without a number does not remove the
-    /// number of the same letter before it.
+    /// command ends them, because its words would count as the first one's. A letter without a
+    /// number does not remove the number of the same letter before it.
     pub(super) fn read(&mut self, text: &str, strays: Strays) -> Result<(), ParseError> {
         let words = self;
         let bytes = text.as_bytes();
@@ -132,7 +133,8 @@ impl<'a> Words<'a> {
         self.present & bit(letter) != 0
     }
 
-    /// True if the letter is there with another number than this one, with which it needs no remark.
+    /// True if the letter is there with another number than this one, with which it
+    /// needs no remark.
     pub(super) fn is_other_than(&mut self, letter: u8, usual: i64) -> bool {
         let value = self.number(letter);
         let is_other = self.is_present(letter) && value != Decimal::from_nanos(usual * 1_000_000_000);
@@ -314,7 +316,8 @@ impl<'a> Words<'a> {
         AxisFlags { x: self.has(b'X'), y: self.has(b'Y'), z: self.has(b'Z'), e: self.has(b'E') }
     }
 
-    /// Tool that the line names by T, or by another letter; numbers that no tool can have become [`NO_TOOL`].
+    /// Tool that the line names by T, or by another letter; numbers that no tool can have
+    /// become [`NO_TOOL`].
     pub(super) fn tool(&mut self, letter: u8) -> Option<u8> {
         self.whole(letter).map(|number| u8::try_from(number).unwrap_or(NO_TOOL))
     }
@@ -377,7 +380,8 @@ fn begins_number(bytes: &[u8], at: usize) -> bool {
     matches!(bytes.get(at), Some(b'0'..=b'9' | b'.' | b'-' | b'+'))
 }
 
-/// The first place from `at` on that is not a space, tab or `( )` comment; an unclosed comment extends to the end.
+/// The first place from `at` on that is not a space, tab or `( )` comment; an unclosed comment
+/// extends to the end.
 #[inline]
 pub(super) fn skip_blanks(bytes: &[u8], mut at: usize) -> usize {
     while let Some(&byte) = bytes.get(at) {

@@ -45,10 +45,12 @@ pub struct Frame<'a> {
 }
 
 impl<'a> Frame<'a> {
-    /// Takes the bytes of one frame, as many as [`frame_length`] says, which begin at `offset` of the file.
+    /// Takes the bytes of one frame, as many as [`frame_length`] says, which begin at
+    /// `offset` of the file.
     ///
     /// # Errors
-    /// Too few or too many bytes, another number than `expected` (if one is), bits that have changed.
+    /// Too few or too many bytes, another number than `expected` (if one is), bits
+    /// that have changed.
     pub fn read(bytes: &'a [u8], offset: u64, expected: Option<u32>) -> Result<Self, ReadError> {
         let fail = |fault| ReadError { fault, offset, frame: expected };
         let head = bytes.first_chunk::<HEAD_BYTES>().ok_or(fail(Fault::Truncated))?;

@@ -187,7 +187,8 @@ impl<'a> Decoder<'a> {
     /// # Errors
     /// Content that has no meaning. Drop the decoder after an error.
     pub fn next_item(&mut self) -> Result<Option<Item<'_>>, Fault> {
-        // The commonest items are recognised by their first four bits: a move of the same shape, and where its speed comes from.
+        // The commonest items are recognised by their first four bits: a move of the same shape,
+        // and where its speed comes from.
         let (window, length) = loop {
             if self.left == 0 {
                 if self.bits.left() >= 8 {
@@ -284,8 +285,8 @@ impl<'a> Decoder<'a> {
         Ok(())
     }
 
-    /// The move whose bits begin here, and with the window, if it is one along X and Y with predicted filament and short
-    /// numbers; `None`, and nothing has changed, if it is not.
+    /// The move whose bits begin here, and with the window, if it is one along X and Y with
+    /// predicted filament and short numbers; `None`, and nothing has changed, if it is not.
     #[inline(always)]
     fn plain_move(&mut self, mut bits: BitReader<'a>, window: Window) -> Option<()> {
         if !self.shape.is_plain() {
@@ -431,8 +432,8 @@ fn spell(bits: &mut BitReader<'_>, kind: u32, text: &mut [u8; MAX_TEXT_BYTES]) -
     Ok(text.length)
 }
 
-/// A text in the making. The longest, of a letter and a number and seven words of ten digits with a sign, has
-/// 107 bytes.
+/// A text in the making. The longest, of a letter and a number and seven words of ten digits with a
+/// sign, has 107 bytes.
 struct Spelling<'a> {
     text: &'a mut [u8; MAX_TEXT_BYTES],
     length: usize,

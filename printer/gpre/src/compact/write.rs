@@ -123,9 +123,9 @@ impl FrameWriter {
     }
 }
 
-/// True if a job can be entered before these items: the first move begins a block, and no speed follows from an earlier
-/// one. A bound that follows from the corner before the first move is unknown to a reader that has not read the frame
-/// before.
+/// True if a job can be entered before these items: the first move begins a block, and no speed
+/// follows from an earlier one. A bound that follows from the corner before the first move is
+/// unknown to a reader that has not read the frame before.
 fn can_be_entered(items: &[Waiting]) -> bool {
     let speeds = items.iter().filter_map(|item| if let Waiting::Move(next) = item { Some(next.entry) } else { None });
     let mut blocks = speeds.enumerate().filter(|(index, speed)| *index == 0 || *speed != EntrySpeed::Continues);

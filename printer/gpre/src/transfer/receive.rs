@@ -4,8 +4,8 @@ use super::frame::{Kind, MAX_DATA_BYTES};
 use super::report::{Report, Word};
 use super::wire::{Taken, Unwrap};
 
-/// The host may be this far ahead of what it knows to have arrived, bytes. As frames they fit into the ring between a
-/// port's interrupt and its reader, so that a reader that is late loses nothing.
+/// The host may be this far ahead of what it knows to have arrived, bytes. As frames they fit into
+/// the ring between a port's interrupt and its reader, so that a reader that is late loses nothing.
 const WINDOW_BYTES: u32 = 1024;
 
 /// The effect of a byte.
@@ -30,7 +30,8 @@ pub enum Event {
 ///
 /// let mut receiver = Receiver::new(5);
 /// let mut room = [0; 16];
-/// let events: Vec<_> = to_wire(Kind::Data, 0, b"hello").into_iter().map(|byte| receiver.take(byte, &mut room)).collect();
+/// let wire = to_wire(Kind::Data, 0, b"hello");
+/// let events: Vec<_> = wire.into_iter().map(|byte| receiver.take(byte, &mut room)).collect();
 /// assert_eq!(events.last(), Some(&Event::Bytes(5)));
 /// assert_eq!(&room[..5], b"hello");
 /// ```
@@ -69,8 +70,8 @@ impl Receiver {
         self.unwrap.reset();
     }
 
-    /// Takes a byte. The room is where the file's next bytes belong; it may be written to before a frame is known to be
-    /// right.
+    /// Takes a byte. The room is where the file's next bytes belong; it may be written to before a
+    /// frame is known to be right.
     pub fn take(&mut self, byte: u8, room: &mut [u8]) -> Event {
         let arrived = match self.unwrap.take(byte, room) {
             Taken::Other => return Event::Other,
@@ -81,7 +82,8 @@ impl Receiver {
         match arrived.kind {
             Kind::Abort => Event::Aborted,
             Kind::Question => {
-                // Every question is answered; the answer makes a host begin again that believes to be farther.
+                // Every question is answered; the answer makes a host begin again that
+                // believes to be farther.
                 self.asked = arrived.place > self.next;
                 Event::Answer
             }
@@ -100,7 +102,8 @@ impl Receiver {
         }
     }
 
-    /// Reports once that something is missing: what the host has sent meanwhile must not make it begin again and again.
+    /// Reports once that something is missing: what the host has sent meanwhile must not make it
+    /// begin again and again.
     fn ask(&mut self) -> Event {
         if core::mem::replace(&mut self.asked, true) { Event::Nothing } else { Event::Answer }
     }

@@ -12,12 +12,14 @@ pub enum Word {
     Have,
     /// `again`: the same, and the byte of the first number is missing: the host begins there.
     Again,
-    /// `done`: the job has been executed, to a standstill. The numbers are its bytes and its frames.
+    /// `done`: the job has been executed, to a standstill. The numbers are its
+    /// bytes and its frames.
     Done,
-    /// `refused`: nothing of the job will be executed; the line before says why. The numbers are those of `stopped`.
+    /// `refused`: nothing of the job will be executed; the line before says why. The numbers are
+    /// those of `stopped`.
     Refused,
-    /// `stopped`: the job ended early, in a standstill on its path; the line before says why. The numbers are the place in
-    /// the file and the frame's number.
+    /// `stopped`: the job ended early, in a standstill on its path; the line before says why. The
+    /// numbers are the place in the file and the frame's number.
     Stopped,
     /// `none`: no job is being received.
     None,

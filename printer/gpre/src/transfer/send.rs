@@ -8,12 +8,14 @@ use super::wire::to_wire;
 use crate::error::ReadError;
 use crate::header::Header;
 
-/// Bytes of data in a frame. Long enough that a frame costs a tenth at most, short enough that one lost is not many.
+/// Bytes of data in a frame. Long enough that a frame costs a tenth at most, short enough that one
+/// lost is not many.
 const DATA_BYTES: usize = 128;
 
 const _: () = assert!(DATA_BYTES <= MAX_DATA_BYTES);
 
-/// Sends a job. It says what to send and hears what the board answers; the caller moves the bytes and keeps the time.
+/// Sends a job. It says what to send and hears what the board answers; the caller moves the bytes
+/// and keeps the time.
 ///
 /// A caller that has sent everything, and gets no answer for a while, sends [`Sender::question`].
 #[derive(Clone, Debug)]
@@ -39,12 +41,14 @@ impl Sender {
         Self { job, arrived: 0, next: 0, limit: 0, repeats: 0, begun: false, end: None, frame_bytes: DATA_BYTES }
     }
 
-    /// Puts this many bytes into a frame, from 1 to [`MAX_DATA_BYTES`]: fewer where many frames are lost.
+    /// Puts this many bytes into a frame, from 1 to [`MAX_DATA_BYTES`]: fewer where many
+    /// frames are lost.
     pub fn set_frame_bytes(&mut self, bytes: usize) {
         self.frame_bytes = bytes.clamp(1, MAX_DATA_BYTES);
     }
 
-    /// The command that begins the transfer. `silence_s` is how long the board waits for a frame before it gives up, s.
+    /// The command that begins the transfer. `silence_s` is how long the board waits for a frame
+    /// before it gives up, s.
     pub fn command(&self, silence_s: u16) -> std::string::String {
         std::format!("M790 S{} T{silence_s}", self.job.len())
     }
@@ -104,7 +108,8 @@ impl Sender {
         to_wire(Kind::Abort, 0, &[])
     }
 
-    /// Hears a line from the board; `true` where it is a report. Reports that come late, or out of order, do no harm.
+    /// Hears a line from the board; `true` where it is a report. Reports that come late, or out of
+    /// order, do no harm.
     pub fn hear(&mut self, line: &str) -> bool {
         let Some(report) = Report::parse(line) else { return false };
         let [first, second] = report.numbers.map(|number| number as usize);

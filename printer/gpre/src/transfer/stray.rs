@@ -2,8 +2,8 @@
 
 use super::FLAG;
 
-/// Separates frames from text while no job is received: the frames of a host that has not heard how its job ended,
-/// whose bytes are not lines.
+/// Separates frames from text while no job is received: the frames of a host that has not heard how
+/// its job ended, whose bytes are not lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StrayFrames {
     mid_line: bool,

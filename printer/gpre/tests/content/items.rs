@@ -23,7 +23,8 @@ fn other(bits: &mut Bits, kind: u64) {
     bits.put(kind, 3);
 }
 
-/// Shapes: X and Y, X Y and Z, Z, no way; no filament, its difference from the prediction, all of it.
+/// Shapes: X and Y, X Y and Z, Z, no way; no filament, its difference from the
+/// prediction, all of it.
 const XY: u64 = 0 << WAY;
 const XYZ: u64 = 1 << WAY;
 const Z: u64 = 2 << WAY;
@@ -35,8 +36,8 @@ const ALL: u64 = 2 << FILAMENT;
 #[test]
 fn moves_of_all_shapes_are_read() {
     let frame = Start::default().with(6, |bits| {
-        // The first shape: X and Y, and the difference of the filament from the prediction, which is 0 without a
-        // lambda.
+        // The first shape: X and Y, and the difference of the filament from the prediction, which
+        // is 0 without a lambda.
         plain(bits);
         bits.signed(3, 4);
         bits.signed(-4, 4);
@@ -212,7 +213,8 @@ fn filament_that_has_no_number_is_refused() {
     assert_eq!(refused(&frame), (0, Fault::Content("a filament of a kind from 0 to 2")));
 }
 
-/// A prediction beyond 32 bits is cut to them, as the writer has it; the difference is added in more.
+/// A prediction beyond 32 bits is cut to them, as the writer has it; the difference
+/// is added in more.
 #[test]
 fn a_prediction_ends_at_its_largest() {
     for (shape, ways) in [(XY, &[3_i64, 4][..]), (XYZ, &[3, 4, 0])] {
@@ -441,7 +443,8 @@ fn a_frame_ends_with_its_last_item() {
     assert!(count < 100 && matches!(fault, Fault::Content(_)), "{count}: {fault}");
 }
 
-/// However many bits of the last byte the items need: the rest of it is padding, and a whole byte is one too many.
+/// However many bits of the last byte the items need: the rest of it is padding, and a whole byte
+/// is one too many.
 #[test]
 fn less_than_a_byte_may_be_left() {
     let mut rests = [false; 8];

@@ -1,9 +1,10 @@
-//! G34, Z_TILT_ADJUST and QUAD_GANTRY_LEVEL: the motors that lift Z are brought to one height above the bed.
+//! G34, Z_TILT_ADJUST and QUAD_GANTRY_LEVEL: the motors that lift Z are brought to one
+//! height above the bed.
 //!
-//! The probe measures the bed at the profile's points. The surface that the motors can make, and that is nearest to
-//! the heights, gives the bed's height at each motor ([`ZAlignment::weights`]): each one moves away from the bed by
-//! that, less the move of the lowest. The idea is that of Klipper's `z_tilt` and `quad_gantry_level`, and of Marlin's
-//! G34.
+//! The probe measures the bed at the profile's points. The surface that the motors can make, and
+//! that is nearest to the heights, gives the bed's height at each motor ([`ZAlignment::weights`]):
+//! each one moves away from the bed by that, less the move of the lowest. The idea is that of
+//! Klipper's `z_tilt` and `quad_gantry_level`, and of Marlin's G34.
 
 use ferrostep_gcode::{Decimal, Real};
 use ferrostep_tmc2209::motor_name;
@@ -24,7 +25,8 @@ const MOTORS: usize = ZMotors::FURTHER + 1;
 /// Mask of all of them.
 const ALL: u8 = (1 << MOTORS) - 1;
 
-/// Marlin's ranges and defaults of I, T and A (Z_STEPPER_ALIGN_ITERATIONS, _ACC, _AMP), T in units of 10 nm.
+/// Marlin's ranges and defaults of I, T and A (Z_STEPPER_ALIGN_ITERATIONS, _ACC, _AMP), T
+/// in units of 10 nm.
 const ROUNDS: [u8; 3] = [1, 30, 5];
 const ACCURACY_10NM: [i64; 3] = [1_000, 100_000, 2_000];
 const AMPLIFICATION: [f64; 3] = [0.5, 2.0, 1.0];
@@ -48,7 +50,8 @@ struct Goal {
 struct Raises {
     /// Height of the bed where it is lowest, at a motor.
     least_10nm: i32,
-    /// Move of each motor away from the bed; at least one is 0, and so is that of a motor that is not there.
+    /// Move of each motor away from the bed; at least one is 0, and so is that of a motor
+    /// that is not there.
     by_10nm: [i32; MOTORS],
 }
 
@@ -58,7 +61,8 @@ impl<P: Ports> Printer<'_, P> {
         <P::Motion as Motion>::ZMotors::PRESENT && self.profile.aligns_z()
     }
 
-    /// G34. Afterwards Z is where the probe has found the bed at the place of homing, and follows no mesh: the points of the mesh stay.
+    /// G34. Afterwards Z is where the probe has found the bed at the place of homing, and follows
+    /// no mesh: the points of the mesh stay.
     pub(super) async fn align_z(
         &mut self,
         rounds: Option<u8>,
@@ -88,8 +92,8 @@ impl<P: Ports> Printer<'_, P> {
         outcome.map(|_| ())
     }
 
-    /// Probes, and moves the motors, until the points agree; then probes where Z homes. `false` if no motor had to be
-    /// moved.
+    /// Probes, and moves the motors, until the points agree; then probes where Z homes. `false` if
+    /// no motor had to be moved.
     async fn align_to(
         &mut self,
         goal: &Goal,
@@ -149,8 +153,8 @@ impl<P: Ports> Printer<'_, P> {
         Some([x_10nm + offset_x_10nm, y_10nm + offset_y_10nm])
     }
 
-    /// Lowers the motors' position by `by_10nm`, because the bed is that much higher; the place where the probe
-    /// triggers stays.
+    /// Lowers the motors' position by `by_10nm`, because the bed is that much higher; the place
+    /// where the probe triggers stays.
     fn lower_z(&mut self, by_10nm: i64) {
         let home_10nm = self.home_height_10nm();
         let [x_10nm, y_10nm, z_10nm] = self.motion.position_10nm();
@@ -216,8 +220,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(raises)
     }
 
-    /// Moves each motor away from the bed: all together that have still to move, so that the bed or the gantry never tilts more than before.
-    /// Then Z is where the points say that it is.
+    /// Moves each motor away from the bed: all together that have still to move, so that the bed or
+    /// the gantry never tilts more than before. Then Z is where the points say that it is.
     async fn raise_motors(&mut self, raises: &Raises) -> Result<(), CommandError> {
         self.interpreter.modal.homed[Z] = false;
         let mut outcome = Ok(());

@@ -2,8 +2,8 @@
 
 use ferrostep_planner::surface::Mesh;
 
-/// Directions to the neighbours of a point along the rows and the columns; the surface is continued from one and two
-/// points there.
+/// Directions to the neighbours of a point along the rows and the columns; the surface is continued
+/// from one and two points there.
 const STRAIGHT: [[i8; 2]; 4] = [[1, 0], [-1, 0], [0, 1], [0, -1]];
 
 /// Towards which corners.
@@ -18,8 +18,9 @@ fn height(mesh: &Mesh, point: [u8; 2], way: [i8; 2]) -> Option<i32> {
     mesh.height_um(beside(point, way)?).map(i32::from)
 }
 
-/// The height to which the surface continues at a point, um: the mean over the known points beside it, each by a
-/// straight line, or by a plane through three; if these give none and `is_level`, the mean of the heights beside it.
+/// The height to which the surface continues at a point, um: the mean over the known points beside
+/// it, each by a straight line, or by a plane through three; if these give none and `is_level`, the
+/// mean of the heights beside it.
 fn continued_um(mesh: &Mesh, point: [u8; 2], is_level: bool) -> Option<i16> {
     let lines = STRAIGHT.into_iter().filter_map(|[across, along]| {
         Some(2 * height(mesh, point, [across, along])? - height(mesh, point, [2 * across, 2 * along])?)
@@ -38,8 +39,8 @@ fn mean(heights: impl Iterator<Item = i32>) -> Option<i32> {
     sum.checked_div(count)
 }
 
-/// Gives the points that were not probed the heights to which the surface continues from those that were: straight,
-/// and where no slope is known, level. A mesh without any height stays empty.
+/// Gives the points that were not probed the heights to which the surface continues from those that
+/// were: straight, and where no slope is known, level. A mesh without any height stays empty.
 pub(super) fn continue_surface(mesh: &mut Mesh) {
     let [columns, rows] = mesh.grid().points;
     for is_level in [false, true] {
@@ -93,7 +94,8 @@ mod tests {
             points in [3u8..=15, 3u8..=15],
             plane in [-500.0f64..500.0, -400.0..400.0, -400.0..400.0],
         ) {
-            // With three rows or columns beside an even number of the others only the middle one is on the circle.
+            // With three rows or columns beside an even number of the others only the middle one
+            // is on the circle.
             prop_assume!(!points.contains(&3) || points.iter().all(|count| count % 2 == 1));
             let (mut mesh, height) = on_a_circle(points, plane);
             continue_surface(&mut mesh);

@@ -209,8 +209,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Pauses a print of the card that cannot continue here, as M25 does, with the nozzle aside. If even that fails,
-    /// the nozzle stays where it is.
+    /// Pauses a print of the card that cannot continue here, as M25 does, with the nozzle aside. If
+    /// even that fails, the nozzle stays where it is.
     pub(super) async fn pause_print(&mut self) {
         self.lines.source = Source::Card;
         // The failure has been reported; a stop ends the print.

@@ -59,8 +59,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Returns `Ok` if a command of a file is to be executed; it has been [answered](Answer::Given) if it has no
-    /// effect there.
+    /// Returns `Ok` if a command of a file is to be executed; it has been [answered](Answer::Given)
+    /// if it has no effect there.
     ///
     /// # Errors
     /// The file of a print cannot have it.

@@ -61,8 +61,8 @@ impl<P: Ports> Printer<'_, P> {
         self.print.card.job != Job::None
     }
 
-    /// Prints the selected file to its end; hosts are answered meanwhile. `room` holds the frames of a prepared job, as for
-    /// [`Self::receive_job`].
+    /// Prints the selected file to its end; hosts are answered meanwhile. `room` holds the frames
+    /// of a prepared job, as for [`Self::receive_job`].
     pub async fn print_from_card(&mut self, hosts: &mut impl HostLines, room: &mut [u8]) {
         let stops = self.motion.stops();
         self.print.card.own_stops = 0;
@@ -193,12 +193,14 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Returns true if a print from the card is under way and the present line comes from elsewhere.
+    /// Returns true if a print from the card is under way and the present line
+    /// comes from elsewhere.
     pub(crate) fn is_of_other_print(&self) -> bool {
         self.print.card.job == Job::Printing && self.lines.source != Source::Card
     }
 
-    /// Returns true if a host's command would move the head or change how the lines of the file are read, while the card prints.
+    /// Returns true if a host's command would move the head or change how the lines of the file are
+    /// read, while the card prints.
     pub(crate) fn disturbs_print(&self, command: &Command<'_>) -> bool {
         self.print.card.job == Job::Printing
             && match command {

@@ -19,7 +19,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.print.card.port = Some(port);
     }
 
-    /// Hands a request to the card's task at once. The future returned waits for the answer and does not hold the request.
+    /// Hands a request to the card's task at once. The future returned waits for the answer and
+    /// does not hold the request.
     pub(crate) fn ask_card(&mut self, request: Request) -> impl Future<Output = Result<Answer, CardFailure>> {
         let port = self.print.card.post(request);
         async move {

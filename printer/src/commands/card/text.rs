@@ -54,8 +54,9 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Executes a line. A refused line pauses the print. It is tried again when the print resumes if a person can
-    /// mend the reason; else the print continues after it, so that no pause is endless.
+    /// Executes a line. A refused line pauses the print. It is tried again when the print
+    /// resumes if a person can mend the reason; else the print continues after it, so that no
+    /// pause is endless.
     async fn card_line(
         &mut self,
         line: Result<Line<'_>, LineError>,
@@ -115,8 +116,8 @@ impl<P: Ports> Printer<'_, P> {
         outcome.map(|_| ()).map_err(|(failure, _)| failure)
     }
 
-    /// Prepares a command of the card's file, whose line begins at `line_start`: answers or refuses some, and keeps
-    /// the place.
+    /// Prepares a command of the card's file, whose line begins at `line_start`: answers or refuses
+    /// some, and keeps the place.
     ///
     /// # Errors
     /// A print cannot have it.
@@ -136,7 +137,8 @@ impl<P: Ports> Printer<'_, P> {
             Command::BlackBox { .. } => return Err(CommandError::BlackBoxInPrint),
             _ => {}
         }
-        // A resumed print begins with a whole line of the file, and so with the first line of a macro.
+        // A resumed print begins with a whole line of the file, and so with the first
+        // line of a macro.
         self.keep_place(number, line_start, lays(command) && !self.lines.is_in_macro);
         Ok(Answer::Ok)
     }

@@ -106,8 +106,8 @@ fn the_model_is_found_and_taken() {
         // The line that it has said sets the same.
         assert_eq!(say(&world, m306.strip_prefix("echo:").unwrap()), ["ok"]);
         assert_eq!(say(&world, "M306"), vec![m306.clone(), String::from("ok")]);
-        // 12 J/K, 0.11 and 0.13 W/K, a lag of 2 s, and a dead time of 1 s, which counts 1.7 times: the temperature
-        // falls at 0.7 times the slope.
+        // 12 J/K, 0.11 and 0.13 W/K, a lag of 2 s, and a dead time of 1 s, which counts 1.7 times:
+        // the temperature falls at 0.7 times the slope.
         let found = world.model(Heater::Nozzle).unwrap();
         let near = |found: f32, is: f32| (found / is - 1.0).abs() < 0.12;
         assert!(near(found.capacity_j_per_k, 12.0) && near(found.loss_w_per_k, 0.11), "{found:?}");

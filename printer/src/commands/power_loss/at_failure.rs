@@ -1,4 +1,5 @@
-//! The supply fails, and a module feeds the board for some seconds more: the place of the print goes to the card at once.
+//! The supply fails, and a module feeds the board for some seconds more: the place of the print
+//! goes to the card at once.
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::Reply;
@@ -28,13 +29,14 @@ impl<P: Ports> Printer<'_, P> {
         <P::Motion as Motion>::SupplySignal::PRESENT && self.profile.supply_signal.is_some()
     }
 
-    /// Returns true if the supply has failed since [`Self::keep_at_failure`]; motion was stopped, and heaters are
-    /// off.
+    /// Returns true if the supply has failed since [`Self::keep_at_failure`]; motion was stopped,
+    /// and heaters are off.
     pub(crate) fn has_supply_failed(&self) -> bool {
         self.watches_supply() && self.signals.has_supply_failed()
     }
 
-    /// The supply has failed while the card prints: keeps the place of the print, and halts the machine.
+    /// The supply has failed while the card prints: keeps the place of the print, and
+    /// halts the machine.
     pub(crate) async fn keep_at_failure(&mut self) {
         if !self.has_supply_failed() {
             return;
@@ -68,8 +70,8 @@ impl<P: Ports> Printer<'_, P> {
         *outcome = Outcome::Failed;
     }
 
-    /// Position above the print to which the nozzle rises, units of 10 nm; `None`: it stays. In a pause it has risen
-    /// already.
+    /// Position above the print to which the nozzle rises, units of 10 nm; `None`: it stays. In a
+    /// pause it has risen already.
     fn place_above_10nm(&self) -> Option<[i64; 3]> {
         let rise_10nm = self.profile.supply_signal?.rise_10nm;
         let [x, y, z] = self.motion.position_10nm();
@@ -89,7 +91,8 @@ impl<P: Ports> Printer<'_, P> {
         self.print.power_loss.stands_10nm = Some(z_10nm);
     }
 
-    /// Lets the card's task write the newest place that the motors have passed, with their present height.
+    /// Lets the card's task write the newest place that the motors have passed, with
+    /// their present height.
     #[inline(never)]
     fn begin_last_place(&mut self) -> Outcome {
         if !self.print.power_loss.is_keeping {

@@ -1,8 +1,9 @@
 //! Keeps the place of a print on its card.
 //!
-//! Two rules make a place fit for resuming. **Its lines have been executed**: a place that is noted when its line is
-//! read is written when a later move has ended. **Its height is not above the true one**, so that the nozzle never
-//! returns deeper than the print: where motion goes below it, the lower height is written as the line is read.
+//! Two rules make a place fit for resuming. **Its lines have been executed**: a place that is noted
+//! when its line is read is written when a later move has ended. **Its height is not above the true
+//! one**, so that the nozzle never returns deeper than the print: where motion goes below it, the
+//! lower height is written as the line is read.
 
 use ferrostep_card::Request;
 use ferrostep_gcode::Reply;
@@ -26,8 +27,8 @@ impl<P: Ports> Printer<'_, P> {
         self.print.card.job == Job::Printing
     }
 
-    /// Prepares the card to keep the place of the print that begins (`fresh`) or continues. The print runs even if
-    /// this fails.
+    /// Prepares the card to keep the place of the print that begins (`fresh`) or continues. The
+    /// print runs even if this fails.
     pub(crate) async fn begin_keeping(&mut self, fresh: bool) {
         let forgets = fresh && core::mem::take(&mut self.print.power_loss.is_offered);
         if forgets {
@@ -57,8 +58,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Writes the place that waited for the motors, before a line of the card, and notes that of this line, if it is
-    /// time.
+    /// Writes the place that waited for the motors, before a line of the card, and notes that of
+    /// this line, if it is time.
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
     pub(crate) fn keep_place(&mut self, line: u32, offset: u32, lays: bool) {
@@ -117,7 +118,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Keeps the place of a paused print: the position that it returns to, and the present height of the motors.
+    /// Keeps the place of a paused print: the position that it returns to, and the present
+    /// height of the motors.
     #[inline(never)]
     pub(super) fn keep_pause(&mut self) {
         let Some(paused) = self.print.paused.filter(|_| self.print.power_loss.is_keeping) else { return };
@@ -133,7 +135,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// While the print is paused: keeps its place, and the height to which a person moves the nozzle.
+    /// While the print is paused: keeps its place, and the height to which a person
+    /// moves the nozzle.
     pub(crate) fn keep_while_paused(&mut self) {
         if !self.print.power_loss.is_keeping || self.print.card.job != Job::Paused {
             return;
@@ -146,7 +149,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Ends keeping with the print. The place of a print that a halt has ended stays: it can be resumed.
+    /// Ends keeping with the print. The place of a print that a halt has ended stays:
+    /// it can be resumed.
     pub(crate) fn end_keeping(&mut self) {
         let is_resumable = self.signals.is_halted() || core::mem::take(&mut self.print.power_loss.is_resuming);
         if self.print.power_loss.is_keeping && !is_resumable {
@@ -211,7 +215,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// The motors of Z go to this height: if it is below the kept one, that follows, before they are there.
+    /// The motors of Z go to this height: if it is below the kept one, that follows,
+    /// before they are there.
     fn lower_kept_height(&mut self, z_10nm: i64) {
         if self.print.power_loss.stands_10nm.is_none_or(|stands_10nm| z_10nm >= stands_10nm) {
             return;

@@ -1,7 +1,7 @@
 //! An interrupted print is resumed.
 //!
-//! Z is not homed: the nozzle is over the print. Its height is the one that was kept; X and Y are homed above the
-//! print.
+//! Z is not homed: the nozzle is over the print. Its height is the one that was kept; X and Y are
+//! homed above the print.
 
 use ferrostep_card::{CardFailure, OpenedFile, Request};
 use ferrostep_gcode::{AxisFlags, AxisWords, CardCommand, Command, Decimal, InterruptedPrint, Real, Reply, WaitTarget};
@@ -100,8 +100,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Looks for an interrupted print, after the card was mounted. If the motors have not moved since the start,
-    /// their height is that of the kept place.
+    /// Looks for an interrupted print, after the card was mounted. If the motors have not moved
+    /// since the start, their height is that of the kept place.
     pub(crate) async fn find_interrupted_print(&mut self) {
         if self.print.card.job != Job::None || self.print.card.has_selected() {
             return;
@@ -139,7 +139,8 @@ impl<P: Ports> Printer<'_, P> {
         ));
         self.replies.send(Reply::Text(
             "echo:power loss: M1000 goes on with it, M1000 C forgets it\n//action:prompt_end\n\
-             //action:prompt_begin A print was interrupted. Continue heats, homes X and Y and goes on; Forget gives it up\n\
+             //action:prompt_begin A print was interrupted. Continue heats, homes X and Y and goes \
+             on; Forget gives it up\n\
              //action:prompt_button Continue\n//action:prompt_button Forget\n//action:prompt_show",
         ));
     }
@@ -209,8 +210,8 @@ impl<P: Ports> Printer<'_, P> {
         self.print.power_loss.is_resuming
     }
 
-    /// Takes the nozzle back to the interrupted print, which then continues. `false`: it cannot, and the reason was
-    /// reported.
+    /// Takes the nozzle back to the interrupted print, which then continues. `false`: it cannot,
+    /// and the reason was reported.
     pub(crate) async fn return_to_print(&mut self) -> bool {
         self.lines.begin(Source::Card, 0);
         self.signals.set_at_work(true);
@@ -231,8 +232,8 @@ impl<P: Ports> Printer<'_, P> {
         goes_on
     }
 
-    /// Next command on the way back. Bed, then nozzle: the plastic around the nozzle melts before it rises. The
-    /// chamber warms meanwhile.
+    /// Next command on the way back. Bed, then nozzle: the plastic around the nozzle melts before
+    /// it rises. The chamber warms meanwhile.
     #[inline(never)]
     fn return_step(&mut self, step: usize) -> Option<Command<'static>> {
         let place = self.kept_place().ok()?;

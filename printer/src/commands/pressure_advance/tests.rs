@@ -79,7 +79,8 @@ fn what_is_out_of_range_is_refused_with_its_numbers_and_the_advance_stays() {
         assert_eq!(execute(&mut printer, line).unwrap_err().to_string(), says, "{line}");
         assert_eq!(rig.choice(), good, "{line}");
     }
-    // In M900 such numbers have no effect: they are those of Linear Advance 1.0, which has another unit.
+    // In M900 such numbers have no effect: they are those of Linear Advance 1.0, which
+    // has another unit.
     for line in ["M900 K30", "M900 K2.1", "M900 K-0.1", "M900 K45 T0"] {
         execute(&mut printer, line).unwrap();
         assert_eq!(rig.choice(), good, "{line}");

@@ -11,8 +11,9 @@ fn marlins(ac: f64, bd: f64, ad: f64) -> f64 {
     (std::f64::consts::FRAC_PI_2 - ((ac * ac - ab * ab - ad * ad) / (2.0 * ab * ad)).acos()).tan()
 }
 
-/// AC, BD and AD, and the factor to nine decimals. The first is Marlin's default; of the second and third Klipper's documentation
-/// (`Skew_Correction.md`) has the lengths; the last are of a side of 100 mm and a Y that leans by 1 in 100, either way.
+/// AC, BD and AD, and the factor to nine decimals. The first is Marlin's default; of the second and
+/// third Klipper's documentation (`Skew_Correction.md`) has the lengths; the last are of a side of
+/// 100 mm and a Y that leans by 1 in 100, either way.
 const TABLE: [([f64; 3], f64); 5] = [
     ([282.842_712_474_6, 282.842_712_474_6, 200.0], 0.0),
     ([140.4, 142.8, 99.8], -0.016_950_737),
@@ -49,8 +50,8 @@ proptest! {
         prop_assert!((factor - lean.tan()).abs() < 2e-6, "{factor} {}", lean.tan());
     }
 
-    /// The axes' map and its inverse cancel exactly; the axes are within about half a unit of Marlin's map in double
-    /// precision (`Planner::skew`).
+    /// The axes' map and its inverse cancel exactly; the axes are within about half a unit of
+    /// Marlin's map in double precision (`Planner::skew`).
     #[test]
     fn the_axes_go_where_marlins_go(
         asked in proptest::array::uniform3(-400_000_000i64..400_000_000),
@@ -166,7 +167,8 @@ fn axes_stay_in_their_travel() {
     }
 }
 
-/// M852 and SET_SKEW: the motors stay, the coordinates change; the report has the factors that were set.
+/// M852 and SET_SKEW: the motors stay, the coordinates change; the report has the
+/// factors that were set.
 #[test]
 fn it_is_set_live_and_reported() {
     let rig = Rig::new(|_| {});
@@ -224,7 +226,8 @@ fn an_absurd_skew_is_refused_and_nothing_changes() {
     }
 }
 
-/// Babysteps, a lift and a pause with another skew on the way: coordinates and axes agree at each end.
+/// Babysteps, a lift and a pause with another skew on the way: coordinates and axes
+/// agree at each end.
 #[test]
 fn a_shift_a_lift_and_a_pause_keep_both_sides() {
     let rig = Rig::new(|profile| {

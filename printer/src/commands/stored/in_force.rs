@@ -98,8 +98,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Puts settings in force, at standstill, all of them checked. Filters and advance are left out: it returns them
-    /// if they change.
+    /// Puts settings in force, at standstill, all of them checked. Filters and advance are left
+    /// out: it returns them if they change.
     // Its parts need much of the stack, one after the other.
     #[inline(always)]
     pub(super) fn put_in_force(&mut self, values: &Values<PartsOf<P>>) -> Option<MotionChoice> {

@@ -24,8 +24,8 @@ const HEAD: u8 = 3;
 /// Greatest height of a point, um.
 const MAX_HEIGHT_UM: i16 = (MAX_HEIGHT_10NM / 100) as i16;
 
-/// The entries of the heights of a grid: each one's index and its four points; the last of them may be beyond the
-/// grid.
+/// The entries of the heights of a grid: each one's index and its four points; the last of them may
+/// be beyond the grid.
 fn entries_of([columns, rows]: [u8; 2]) -> impl Iterator<Item = (u8, [[u8; 2]; 4])> {
     let (columns, rows) = (u16::from(columns).max(1), u16::from(rows));
     let place = move |number: u16| [(number % columns) as u8, (number / columns) as u8];
@@ -65,8 +65,8 @@ pub(super) fn points(entry: Entry) -> Option<[u8; 2]> {
     (entry.index == 2).then_some([columns, rows])
 }
 
-/// Puts a stored mesh in a place without points. Returns up to which height Z follows it, units of 10 nm; `None`: the mesh is not whole, or
-/// higher than a bed can be.
+/// Puts a stored mesh in a place without points. Returns up to which height Z follows it, units of
+/// 10 nm; `None`: the mesh is not whole, or higher than a bed can be.
 fn read_mesh(record: Record<'_>, mesh: &mut Mesh, interpolation: MeshInterpolation) -> Option<i32> {
     let bytes_of = |index: u8| {
         let mut entries = record.entries();
@@ -106,7 +106,8 @@ impl<P: Ports> Printer<'_, P> {
         self.motion.mesh(add).unwrap_or(true)
     }
 
-    /// Reads the stored mesh, which Z does not follow before M420 S1. A mesh that is not whole is refused with a message.
+    /// Reads the stored mesh, which Z does not follow before M420 S1. A mesh that is not whole is
+    /// refused with a message.
     #[inline(never)]
     pub(super) fn load_mesh(&mut self, memory: &dyn SettingsMemory, stored: &Stored<PartsOf<P>>) {
         if !self.has_bed() {

@@ -273,7 +273,8 @@ fn settings_survive_the_power() {
     assert_eq!(said[7], "echo:stored settings retrieved (68 values, 0 faults)");
     assert_eq!(after.live_values(), values);
     assert_eq!(says(&rig_after, &mut after, "M504"), ["echo:M504: stored are 68 values, 0 faults"]);
-    // M502 leaves the memory, M501 returns to it, M500 after M502 stores settings without differences.
+    // M502 leaves the memory, M501 returns to it, M500 after M502 stores settings
+    // without differences.
     assert_eq!(says(&rig_after, &mut after, "M502"), ["echo:Hardcoded Default Settings Loaded"]);
     assert_eq!(after.live_values(), after.profile_values());
     execute(&mut after, "M501").unwrap();
@@ -330,8 +331,8 @@ fn an_update_brings_its_profile_and_keeps_what_was_set() {
     assert_eq!((values.limits.junction_deviation_mm, values.advance[0]), (0.033, Some(0.05)));
 }
 
-/// A value out of range is named, and the profile's replaces it; the rest is kept. Settings of another version are
-/// passed over.
+/// A value out of range is named, and the profile's replaces it; the rest is kept. Settings of
+/// another version are passed over.
 #[test]
 fn a_value_out_of_range_costs_itself_alone() {
     let stored = [
@@ -527,7 +528,8 @@ fn names_are_distinct_and_stay() {
     ids.dedup();
     assert_eq!(ids.len(), names.len(), "two names have the same id: change the new one");
     let statistics = Statistics::default().numbers_mut().len();
-    // Those of a second tool and of play fit where not all of the others differ from the profile's; M500 says it where they do not.
+    // Those of a second tool and of play fit where not all of the others differ from the profile's;
+    // M500 says it where they do not.
     let optional = ["tools.", "backlash."];
     let of_parts =
         super::all_values().filter(|(setting, _)| optional.iter().any(|part| setting.name.starts_with(part)));

@@ -9,8 +9,9 @@ const SPIN_UP: u16 = (3_000 / SAMPLE_MS) as u16;
 /// Turns a minute for each pulse in a window: two pulses a turn.
 const RPM_A_PULSE: u32 = 60_000 / (WINDOW as u32 * SAMPLE_MS) / 2;
 
-/// Counts a fan's pulses, and judges it where it has had full power for long enough. With less power a fan that is switched at
-/// its ground has no supply for its tachometer between the pulses of the power.
+/// Counts a fan's pulses, and judges it where it has had full power for long enough. With less
+/// power a fan that is switched at its ground has no supply for its tachometer between the
+/// pulses of the power.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TurnWatch {
     /// The count at the beginning of the window.
@@ -28,8 +29,8 @@ impl TurnWatch {
         Self { pulses: 0, samples: 0, full_samples: 0, rpm: None, is_stalled: false }
     }
 
-    /// Takes a sample of the tachometer's count, modulo 2^16. A speed below `least_rpm` at full power is a fault; 0
-    /// sets no bound.
+    /// Takes a sample of the tachometer's count, modulo 2^16. A speed below `least_rpm` at full
+    /// power is a fault; 0 sets no bound.
     pub fn look(&mut self, least_rpm: u16, has_full_power: bool, pulses: Option<u16>) {
         let Some(pulses) = pulses else { return };
         if !has_full_power {

@@ -32,8 +32,8 @@ fn a_chamber_reaches_its_target_and_stays() {
     assert_eq!(rig.control.chamber_is_heated(), Some(true));
 }
 
-/// A bed warms the chamber to 33 degrees above the room without any power of the chamber's heater: in a nozzle that
-/// means a failed transistor.
+/// A bed warms the chamber to 33 degrees above the room without any power of the chamber's heater:
+/// in a nozzle that means a failed transistor.
 #[test]
 fn a_bed_may_warm_the_chamber_and_keep_it_warm() {
     for mut rig in [Rig::new(), with_a_thermometer()] {
@@ -70,8 +70,8 @@ fn a_dead_heater_and_a_thermistor_that_fell_out_are_noticed() {
         assert!((after_s - period_s).abs() < 1.0, "{failure:?}: {after_s}");
         assert!(fault.to_string().starts_with("Error:Heating failed, system stopped! Heater_ID: chamber"), "{fault}");
     }
-    // At its target. A reading that stays the same there, while the power does so as well, is noticed at the next
-    // target.
+    // At its target. A reading that stays the same there, while the power does so as well, is
+    // noticed at the next target.
     for failure in [HeaterFailure::Dead, HeaterFailure::ThermistorFellOut] {
         let mut rig = Rig::new();
         rig.control.set_target(Heater::Chamber, 50.0);
@@ -122,17 +122,18 @@ fn a_machine_without_a_chamber_has_none() {
     assert_eq!((control.chamber_is_heated(), control.relay(Heater::Chamber)), (None, None));
 }
 
-/// Chambers with a heater: estimates of the air with the walls that it warms, the way of the air to the thermistor as
-/// a dead time, and the thermistor's lag in air.
+/// Chambers with a heater: estimates of the air with the walls that it warms, the way of the air to
+/// the thermistor as a dead time, and the thermistor's lag in air.
 const CHAMBERS: [(f32, f32, f32, f32, f32); 3] = [
-    // Power in W, J/K, W/K, dead time and lag in s: a desktop printer, one with a weak heater, one of 400 mm.
+    // Power in W, J/K, W/K, dead time and lag in s: a desktop printer, one with a weak
+    // heater, one of 400 mm.
     (200.0, 4_000.0, 4.0, 10.0, 20.0),
     (100.0, 3_000.0, 2.0, 15.0, 30.0),
     (500.0, 12_000.0, 9.0, 20.0, 40.0),
 ];
 
-/// A chamber with a noisy converter, as every real one is: a reading without noise stays the same where the
-/// temperature does.
+/// A chamber with a noisy converter, as every real one is: a reading without noise stays the same
+/// where the temperature does.
 struct Chamber {
     control: HeatControl,
     board: Noisy,

@@ -37,8 +37,8 @@ impl Checked {
         self.safety.check(&self.settings, Ok(celsius), self.target, self.power, false)
     }
 
-    /// Takes `count` samples, each a little different so that the reading always changes. A trip comes with the
-    /// number of samples before it.
+    /// Takes `count` samples, each a little different so that the reading always changes. A trip
+    /// comes with the number of samples before it.
     fn samples(&mut self, count: u32, celsius: f32) -> Result<(), (u32, Trip)> {
         (0..count).try_for_each(|index| {
             let ripple = if index % 2 == 0 { 0.0 } else { 0.01 };
@@ -77,8 +77,8 @@ fn heating_up_has_the_watch_period_for_each_two_degrees() {
     assert_eq!(after, WATCH_SAMPLES - 1);
 }
 
-/// Switched off and on again, a nozzle keeps cooling until the heat has come through: two degrees from its lowest
-/// count.
+/// Switched off and on again, a nozzle keeps cooling until the heat has come through: two degrees
+/// from its lowest count.
 #[test]
 fn heat_on_its_way_may_come_late() {
     let cooled = || {
@@ -158,7 +158,8 @@ fn heat_on_its_way_does_not_count_as_a_rise() {
     assert_eq!(checked.sample(TARGET + 40.01), Err(Trip::RisesUnpowered(TARGET + 40.01)));
 }
 
-/// A heater that cools, and whose transistor then fails: ten degrees above the lowest, not above where it began.
+/// A heater that cools, and whose transistor then fails: ten degrees above the lowest, not
+/// above where it began.
 #[test]
 fn a_rise_counts_from_the_lowest_temperature() {
     let mut checked = Checked::holding();
@@ -200,8 +201,8 @@ fn a_slow_rise_is_no_heater_s() {
     checked.sample(31.0).unwrap();
 }
 
-/// Ten degrees within a watch period of the last sample that was as low: a heater that has long been at one temperature is
-/// not found later than one that has just cooled to it.
+/// Ten degrees within a watch period of the last sample that was as low: a heater that has long
+/// been at one temperature is not found later than one that has just cooled to it.
 #[test]
 fn a_rise_counts_from_the_last_time_that_it_was_as_low() {
     for steady in [1, WATCH_SAMPLES - 10, WATCH_SAMPLES + 10, 3 * WATCH_SAMPLES / 2] {
@@ -242,7 +243,8 @@ fn a_heater_that_stays_hot_without_power_is_on() {
     }
 }
 
-/// However large the profile's hysteresis: a thermistor that has fallen out reads the room, which is never near.
+/// However large the profile's hysteresis: a thermistor that has fallen out reads the room,
+/// which is never near.
 #[test]
 fn the_hysteresis_shrinks_towards_the_room() {
     let wide = HeaterWatch { runaway_celsius: 25.0, runaway_ms: 45_000, ..HeaterWatch::BED };
@@ -258,8 +260,8 @@ fn the_hysteresis_shrinks_towards_the_room() {
     }
 }
 
-/// Returns the number of samples, with these powers and an unchanged reading at the target, until the reading counts
-/// as frozen.
+/// Returns the number of samples, with these powers and an unchanged reading at the target, until
+/// the reading counts as frozen.
 fn frozen_after(powers: impl IntoIterator<Item = f32>) -> Option<u32> {
     let mut checked = Checked::holding();
     for (index, power) in (0..).zip(powers) {

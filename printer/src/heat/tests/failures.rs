@@ -41,7 +41,8 @@ fn nothing_trips_while_nothing_fails() {
     }
 }
 
-/// A step after a reading that has long been the same: six hours in this run's share of the cases, ten minutes in the others.
+/// A step after a reading that has long been the same: six hours in this run's share of the cases,
+/// ten minutes in the others.
 #[test]
 fn a_step_after_hours_of_holding_trips_nothing() {
     let steps = [1.0, -1.0, 0.5, -0.5];
@@ -184,7 +185,8 @@ fn a_reading_that_stands_still_is_noticed() {
         assert!(matches!(fault.trip, Trip::HeatingFailed(_)), "{fault}");
         assert!(after_s <= watch_s + 0.02, "{after_s} s");
 
-        // At the target, with the reading a little below it, the loop would give more and more power.
+        // At the target, with the reading a little below it, the loop would give
+        // more and more power.
         let mut rig = Rig::holding(heater);
         let target = usual_target(heater) + 1.0;
         rig.fail(heater, HeaterFailure::ThermistorFrozen).control.set_target(heater, target);
@@ -269,7 +271,8 @@ fn m999_ends_a_fault_that_is_over_and_no_other() {
     }
 }
 
-/// The heater, its transistor or the thermistor's place: a reading within its limits does not show that they are sound.
+/// The heater, its transistor or the thermistor's place: a reading within its limits does not show
+/// that they are sound.
 #[test]
 fn m999_ends_no_fault_of_a_heater() {
     for heater in ALONE {
@@ -343,8 +346,8 @@ fn every_fault_puts_all_fans_to_full_until_it_is_cleared() {
     }
 }
 
-/// The fans turn after a reset at 250 degrees with a broken thermistor: an unknown temperature does not mean a cold
-/// nozzle.
+/// The fans turn after a reset at 250 degrees with a broken thermistor: an unknown temperature does
+/// not mean a cold nozzle.
 #[test]
 fn the_fans_turn_while_the_nozzle_s_temperature_is_unknown() {
     let (_, mut board) = control_of(USUAL.map(settings), [None; 2], FanSettings::USUAL);

@@ -1,10 +1,12 @@
-//! Loads that take heat from a heater's mass beside the air: filament, and a second mass attached to the first.
+//! Loads that take heat from a heater's mass beside the air: filament, and a second mass
+//! attached to the first.
 
 use super::*;
 
 /// Heat that PLA of 1.75 mm takes, J/K for each millimetre: 1.8 J/(g K), 1.24 g/cm^3, 2.405 mm^2.
 const PLA_J_PER_K_MM: f32 = 0.005_37;
-/// Filament leaves the nozzle colder than the block, the more so the faster: this share of the heat ...
+/// Filament leaves the nozzle colder than the block, the more so the faster: this
+/// share of the heat ...
 const HEATED_SHARE: f32 = 0.85;
 /// ... and it takes the heat on its way down, with a time constant of this, s.
 const MELTING_S: f32 = 0.8;

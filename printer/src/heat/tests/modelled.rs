@@ -1,5 +1,6 @@
-//! Control by a model, on the models of real hot ends and beds that the PID loop is tuned on. These have a dead time
-//! that the controller's model lacks, and their filament takes another heat than it expects.
+//! Control by a model, on the models of real hot ends and beds that the PID loop is tuned on.
+//! These have a dead time that the controller's model lacks, and their filament takes another heat
+//! than it expects.
 
 use std::format;
 use std::string::String;
@@ -89,7 +90,8 @@ fn largest(curve: &[f32]) -> f32 {
     ends(curve).map(f32::abs).into_iter().fold(0.0, f32::max)
 }
 
-/// Heats up, waits, lets the fan blow and stop, and filament flow and stop: the outcome, and the distance from the target at each second.
+/// Heats up, waits, lets the fan blow and stop, and filament flow and stop: the outcome, and the
+/// distance from the target at each second.
 fn outcome(model: &Model, by: By, deviation: f32, target: f32, second: Option<SecondMass>) -> (Outcome, Vec<f32>) {
     let mut bench = Bench::new(model, deviation);
     bench.load.second = second;
@@ -144,7 +146,8 @@ fn panels(pid: Vec<f32>, model: Vec<f32>, is_nozzle: bool) -> [Panel; 2] {
     [Panel { curves: part(0, up_to), marked_s: Vec::new() }, Panel { curves: loads, marked_s }]
 }
 
-/// Five hot ends and three beds, by the gains of M303 and by the constants of M306 T; also with the most noise that the checks are tried with.
+/// Five hot ends and three beds, by the gains of M303 and by the constants of M306 T; also with the
+/// most noise that the checks are tried with.
 #[test]
 fn modelled_heaters_keep_what_is_asked_of_tuned_ones() {
     let mut rows = Vec::new();
@@ -212,7 +215,8 @@ fn modelled_heaters_keep_what_is_asked_of_tuned_ones() {
     keep("heater-model.svg", &chart::svg(&chart, &rows), &[("modelled", &table), ("constants", &constants)]);
 }
 
-/// The model differs from the heater by a fifth in each of its constants, or by a third in the sensor's.
+/// The model differs from the heater by a fifth in each of its constants, or by a third
+/// in the sensor's.
 #[test]
 fn a_model_may_be_wrong_by_a_fifth() {
     // Ten errors of each model; the first model has all of them in every run.
@@ -280,7 +284,8 @@ fn other_heaters_than_the_models_are_held() {
     }
 }
 
-/// Each failure at several moments of M306 T: heating up, at the peak, held without the fan and with it. The book has the worst of them.
+/// Each failure at several moments of M306 T: heating up, at the peak, held without the fan and
+/// with it. The book has the worst of them.
 #[test]
 fn failures_trip_while_a_model_is_found() {
     use HeaterFailure::{StuckOn, ThermistorFrozen};
@@ -312,8 +317,8 @@ fn failures_trip_while_a_model_is_found() {
                         assert_eq!(bench.board.board.power(model.heater), 0.0, "{failure:?} after {at_s} s");
                         worst[1] = worst[1].max(highest);
                         let Some(fault) = fault else {
-                            // A reading that stays the same at the target, with a power that does so as well, looks
-                            // like that of a steady heater.
+                            // A reading that stays the same at the target, with a power that does
+                            // so as well, looks like that of a steady heater.
                             assert_eq!(failure, ThermistorFrozen, "{} after {at_s} s", model.name);
                             unnoticed += 1;
                             continue;

@@ -64,8 +64,8 @@ fn event() -> impl Strategy<Value = Event> {
 }
 
 proptest! {
-    /// No heater has power again after a trip before M999, which never switches one on either, and all fans turn; and
-    /// powers are powers.
+    /// No heater has power again after a trip before M999, which never switches one on either, and
+    /// all fans turn; and powers are powers.
     #[test]
     fn after_a_trip_no_heater_has_power_before_m999(
         start in readings(),
@@ -106,8 +106,9 @@ proptest! {
         }
     }
 
-    /// No heater is on for longer than the median takes without a valid reading, or at or above its maximum; nor for
-    /// longer than its watch period at a reading that does not change, below its target.
+    /// No heater is on for longer than the median takes without a valid reading, or at or above
+    /// its maximum; nor for longer than its watch period at a reading that does not change,
+    /// below its target.
     #[test]
     fn no_heater_stays_on_where_it_must_not(
         reading in any::<u16>(),

@@ -2,7 +2,8 @@
 
 use super::*;
 
-/// A nozzle at its target whose transistor fails closed, until the fault is noticed: the rig, and the temperature then.
+/// A nozzle at its target whose transistor fails closed, until the fault is noticed: the rig, and
+/// the temperature then.
 fn closed_transistor(supply: Option<bool>) -> (Rig, f32) {
     let mut rig = Rig::holding(Heater::Nozzle);
     if let Some(on) = supply {

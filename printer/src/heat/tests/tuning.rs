@@ -312,8 +312,8 @@ fn gains_stay_within_their_ranges() {
     }
 }
 
-/// Writes one of the book's tables of failures while a heater is tuned. `trip` lets it fail, notes the trip, and
-/// returns the course for each of two heaters.
+/// Writes one of the book's tables of failures while a heater is tuned. `trip` lets it fail, notes
+/// the trip, and returns the course for each of two heaters.
 pub(super) fn keep_failures(
     table: &str,
     heaters: [&str; 2],
@@ -346,7 +346,8 @@ pub(super) fn note(trips: &mut Vec<String>, fault: &HeatFault) {
     }
 }
 
-/// Each failure at several moments of an autotune: heating up, and in all parts of a cycle. The book has the worst of them.
+/// Each failure at several moments of an autotune: heating up, and in all parts of a cycle. The
+/// book has the worst of them.
 #[test]
 fn failures_trip_while_a_heater_is_tuned() {
     use HeaterFailure::{StuckOn, ThermistorFellOut};

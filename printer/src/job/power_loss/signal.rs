@@ -21,9 +21,9 @@ impl SupplyWatch {
         Self { is_failing: None, debounce: Debounce::new() }
     }
 
-    /// Looks at the signal; to be called every few milliseconds with its present state and a clock of milliseconds
-    /// that may wrap. Returns true if the supply has just failed; the state at the first look never counts as a
-    /// failure, because a wire may be missing.
+    /// Looks at the signal; to be called every few milliseconds with its present state and a clock
+    /// of milliseconds that may wrap. Returns true if the supply has just failed; the state at the
+    /// first look never counts as a failure, because a wire may be missing.
     pub fn look(&mut self, now_ms: u32, is_failing: bool, signal: &SupplySignal, signals: &Signals) -> bool {
         let before = *self.is_failing.get_or_insert(is_failing);
         signals.set_supply_failing(before);
@@ -45,7 +45,8 @@ mod tests {
 
     const SIGNAL: SupplySignal = SupplySignal { failing_is_low: true, debounce_ms: 4, rise_10nm: 0 };
 
-    /// Looks every 2 ms at these levels, beginning just before the clock wraps. Returns at which looks the supply has failed.
+    /// Looks every 2 ms at these levels, beginning just before the clock wraps. Returns at which
+    /// looks the supply has failed.
     fn failures(levels: &[bool], signals: &Signals) -> Vec<usize> {
         let mut watch = SupplyWatch::new();
         let at_ms = |index: usize| (u32::MAX - 3).wrapping_add(2 * index as u32);

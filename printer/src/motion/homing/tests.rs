@@ -23,7 +23,8 @@ const REACH: f64 = rig::SIZE_MM as f64 + 5.0;
 /// Maximum distance of an approach of Z below the place where its sensor must trigger, mm.
 const PRESS: f64 = 0.5;
 
-/// Maximum length of a first approach: that of an unknown Z ends a little below the bed of the lowest machine.
+/// Maximum length of a first approach: that of an unknown Z ends a little below the bed of
+/// the lowest machine.
 fn reach(axis: usize) -> f64 {
     if axis == 2 { REACH + PRESS } else { REACH }
 }
@@ -91,8 +92,9 @@ fn only_what_is_named_is_homed() {
     assert_eq!(sought.collect::<Vec<_>>(), [0, 0, 2, 2]);
 }
 
-/// An axis whose sensor fails after it was homed is no longer homed, and its position is that of its motor. Z goes no
-/// lower than just below the place where its sensor triggered before, however often it is tried.
+/// An axis whose sensor fails after it was homed is no longer homed, and its position is that of
+/// its motor. Z goes no lower than just below the place where its sensor triggered before, however
+/// often it is tried.
 #[test]
 fn an_axis_that_does_not_find_its_end_is_not_homed() {
     for (axis, name) in ["X", "Y", "Z"].into_iter().enumerate() {
@@ -119,8 +121,8 @@ fn an_axis_that_does_not_find_its_end_is_not_homed() {
     }
 }
 
-/// Only the frame limits the search of a Z that is not homed. An approach that has gone down all the way is not
-/// repeated until the motors were off and a hand may have moved it.
+/// Only the frame limits the search of a Z that is not homed. An approach that has gone down all
+/// the way is not repeated until the motors were off and a hand may have moved it.
 #[test]
 fn an_unknown_z_is_searched_once() {
     for off in ["M84", "M18 Z"] {
@@ -154,7 +156,8 @@ fn a_sensor_that_is_triggered_away_from_the_end_is_reported() {
         printer.interpreter.modal.homed = [true; 3];
         let outcome = execute(&mut printer, &format!("G28 {name}"));
         assert_eq!(outcome, refused(CommandError::SensorStuck { axis }));
-        // The fast approach ends at once, the move back does not release the sensor, and there is no slow one.
+        // The fast approach ends at once, the move back does not release the sensor, and
+        // there is no slow one.
         assert_eq!(
             rig.take_events(),
             [
@@ -319,7 +322,8 @@ fn without_end_stops_nothing_homes() {
     }
 }
 
-/// M410 in an approach: the axis's position is that of its motor, not homed, and the axes after it are not tried.
+/// M410 in an approach: the axis's position is that of its motor, not homed, and the axes after
+/// it are not tried.
 #[test]
 fn a_stop_on_the_way_leaves_the_axis_where_it_is() {
     for (seek, axis, expected_mm) in [(0, 0, -1.0), (1, 0, -56.0), (2, 1, -1.0), (5, 2, -36.0)] {

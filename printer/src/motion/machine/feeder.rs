@@ -1,5 +1,5 @@
-//! Queueing of the planner's entries, with corrections for the bed's surface and the drives' play, and with the
-//! ledger of the queued steps.
+//! Queueing of the planner's entries, with corrections for the bed's surface and the drives' play,
+//! and with the ledger of the queued steps.
 
 use ferrostep_hal_shim::{Approach, FanOutput, StepOutput};
 use ferrostep_planner::backlash::{Backlash, BacklashCorrection};
@@ -173,8 +173,8 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
         self.timeline.pushed(end)
     }
 
-    /// Makes the queue forget the entries that were not played, after a stop, and takes their steps back from the
-    /// ledger. Returns true if anything but a sensor has asked for the stop.
+    /// Makes the queue forget the entries that were not played, after a stop, and takes their steps
+    /// back from the ledger. Returns true if anything but a sensor has asked for the stop.
     pub fn drop_all(&mut self) -> bool {
         if !self.watched.is_passed(self.queue.played()) {
             // Its moves are dropped now, and the queue would count them as played.
@@ -195,8 +195,8 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
         self.bed.is_waiting() || self.backlash.is_waiting()
     }
 
-    /// Queues some of the waiting entries with their corrections; `false` if none waits. There is room for some
-    /// entries.
+    /// Queues some of the waiting entries with their corrections; `false` if none waits. There is
+    /// room for some entries.
     pub fn correct(&mut self) -> bool {
         if !self.is_waiting() {
             return false;
@@ -237,7 +237,8 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
         self.backlash.backlash()
     }
 
-    /// Sets the play of the drives, at standstill: the motors are counted from here on as if they had none.
+    /// Sets the play of the drives, at standstill: the motors are counted from here on as
+    /// if they had none.
     pub fn set_backlash(&mut self, backlash: &Backlash) {
         let [x, y, z, _] = self.ledger.motor_steps();
         let [of_x, of_y, of_z] = self.backlash.stand(self.ledger.issued(), self.ledger.directions());
@@ -250,7 +251,8 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
         self.backlash.set_limits(limits);
     }
 
-    /// Stops the motors where the ledger ends. Returns their position by the plan, which knows of no correction.
+    /// Stops the motors where the ledger ends. Returns their position by the plan, which knows
+    /// of no correction.
     pub fn stand(&mut self) -> [i64; 4] {
         // A move ends half a step after its last event; the clock does not go back before that.
         self.ledger.advance_to(self.last_move_end);
@@ -276,8 +278,9 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
         self.queue.redefined(tick, self.ledger.motor_steps());
     }
 
-    /// The queue has refused an entry. The planner asks for room and keeps the intervals that the profile's checks ask
-    /// for, so the plan is wrong, and all motion stops before the motors are out of step.
+    /// The queue has refused an entry. The planner asks for room and keeps the intervals that
+    /// the profile's checks ask for, so the plan is wrong, and all motion stops before the
+    /// motors are out of step.
     #[cold]
     fn refuse(&mut self) {
         self.fault.get_or_insert(MotionFault::StepsTooNear);
@@ -346,7 +349,8 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
             Notice::BlockEnded { .. } => {}
             Notice::FanPower { fan, power, .. } => {
                 if self.fan.waiting.push_back((self.queue.queued(), fan, power)).is_err() {
-                    // There is room whenever the planner advances. If there were none, an early change is better than a lost one.
+                    // There is room whenever the planner advances. If there were none, an early
+                    // change is better than a lost one.
                     self.fan.set(fan, power);
                 }
             }

@@ -10,7 +10,8 @@ pub struct IdleTimeout {
 }
 
 impl IdleTimeout {
-    /// Returns true if the motors have now rested for `timeout_ms`; `None`: they do not rest, or keep their current.
+    /// Returns true if the motors have now rested for `timeout_ms`; `None`: they do not rest, or
+    /// keep their current.
     pub fn check(&mut self, now_ms: u32, timeout_ms: Option<u32>) -> bool {
         let Some(timeout_ms) = timeout_ms else {
             self.since_ms = None;

@@ -1,7 +1,8 @@
-//! Count of the new filament that the extruder pushes: only beyond the furthest point so far. Filament that is drawn
-//! back and pushed again is not new.
+//! Count of the new filament that the extruder pushes: only beyond the furthest point so far.
+//! Filament that is drawn back and pushed again is not new.
 
-/// Filament pushed up to a place in the queue: the extruder's steps beyond its furthest point so far, modulo 2^32.
+/// Filament pushed up to a place in the queue: the extruder's steps beyond its furthest point so
+/// far, modulo 2^32.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pushed(u32);
 
@@ -44,8 +45,8 @@ impl FilamentCount {
         }
     }
 
-    /// Corrects the count after a stop: of the queued filament at least `played` has been pushed, and the extruder is
-    /// at `extruder_steps`.
+    /// Corrects the count after a stop: of the queued filament at least `played` has been pushed,
+    /// and the extruder is at `extruder_steps`.
     pub fn stop_at(&mut self, played: Pushed, extruder_steps: i64) {
         self.furthest -= i64::from(self.at_end.steps_since(played));
         self.at_end = played;
@@ -58,7 +59,8 @@ impl FilamentCount {
 pub struct PushedFilament {
     /// Least count.
     pub at_least: Pushed,
-    /// Largest count; some steps of a piece that is drawn back between two looks at the queue's end may be missing.
+    /// Largest count; some steps of a piece that is drawn back between two looks at the queue's
+    /// end may be missing.
     pub at_most: Pushed,
 }
 

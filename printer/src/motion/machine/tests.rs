@@ -1,4 +1,5 @@
-//! The machine against the planner alone, with the step interrupt's own player at the other end of the queue.
+//! The machine against the planner alone, with the step interrupt's own player at the other
+//! end of the queue.
 
 mod backlash;
 mod stops;
@@ -387,8 +388,8 @@ proptest! {
     }
 }
 
-/// A few missed updates are counted, and motion continues. More stop it: whatever has held the interrupt up, or
-/// whatever is wrong with the count, moves no motor.
+/// A few missed updates are counted, and motion continues. More stop it: whatever has held the
+/// interrupt up, or whatever is wrong with the count, moves no motor.
 #[test]
 fn missed_updates_beyond_the_bound_stop_motion_and_move_no_motor() {
     for (missed, stops) in [(MAX_MISSED_UPDATES, false), (MAX_MISSED_UPDATES + 1, true), (16_383, true)] {

@@ -31,7 +31,8 @@ pub struct Timeline {
 }
 
 impl Timeline {
-    /// `queued` slots have been filled so far, modulo 2^32, and end at `tick`, when filament will have been pushed up to `pushed`.
+    /// `queued` slots have been filled so far, modulo 2^32, and end at `tick`, when filament will
+    /// have been pushed up to `pushed`.
     pub fn mark(&mut self, queued: u32, tick: u64, pushed: Pushed) {
         // The fuller the queue, the coarser the marks, so that they always suffice.
         let spacing = SPACING_TICKS.max(self.remaining_ticks(tick) / (MARKS as u64 / 2));
@@ -68,12 +69,14 @@ impl Timeline {
         }
     }
 
-    /// Least motion that remains if the queue ends at `end_tick`: from the first mark that has not been played to there.
+    /// Least motion that remains if the queue ends at `end_tick`: from the first mark that has not
+    /// been played to there.
     pub fn remaining_ticks(&self, end_tick: u64) -> u64 {
         self.marks.front().map_or(0, |mark| end_tick.saturating_sub(mark.tick))
     }
 
-    /// The interval that is being played, by the filament pushed up to its beginning and its end; the queue ends with `end`.
+    /// The interval that is being played, by the filament pushed up to its beginning and its end;
+    /// the queue ends with `end`.
     pub fn pushed(&self, end: Pushed) -> PushedFilament {
         let mut marks = self.marks.iter();
         match marks.next() {
@@ -114,7 +117,8 @@ mod tests {
                 }
                 let (left, truly) = (timeline.remaining_ticks(end), end - played_end);
                 prop_assert!(left <= truly);
-                // The slot in play may be any part of the missing ticks, and so may a gap between marks.
+                // The slot in play may be any part of the missing ticks, and so may a
+                // gap between marks.
                 let longest = slots[index.saturating_sub(ahead)..=index].iter().max().copied().unwrap_or(0);
                 prop_assert!(truly - left <= 2 * longest + SPACING_TICKS + truly / 6, "{} of {}", left, truly);
             }

@@ -14,26 +14,28 @@ const MS: u64 = TICKS_PER_SECOND as u64 / 1000;
 /// The motors start from standstill when this much motion is queued, or [`START_ENTRIES`].
 const START_TICKS: u64 = 100 * MS;
 
-/// The motors start from standstill when this many entries are queued, or [`START_TICKS`]. Each block that enters the
-/// look-ahead ring lets one leave: without this head start a few short blocks would end before the host has sent the next
-/// line.
+/// The motors start from standstill when this many entries are queued, or [`START_TICKS`]. Each
+/// block that enters the look-ahead ring lets one leave: without this head start a few short blocks
+/// would end before the host has sent the next line.
 const START_ENTRIES: usize = 512;
 
-/// Minimum motion in the step queue; below it, blocks leave the look-ahead ring before it is full. Several visits of
-/// the planner task, and the time in which it makes a block's steps.
+/// Minimum motion in the step queue; below it, blocks leave the look-ahead ring before it is full.
+/// Several visits of the planner task, and the time in which it makes a block's steps.
 const LOW_TICKS: u64 = 8 * MS;
 
-/// Updates of the step timer that may be missed between two visits of the planner task, 2 ms apart. Nothing in the
-/// firmware delays the step interrupt by that much, and each miss only repeats an interval. With more of them the step
-/// interrupt is held up or the hardware counts wrong, and motion stops.
+/// Updates of the step timer that may be missed between two visits of the planner task, 2 ms
+/// apart. Nothing in the firmware delays the step interrupt by that much, and each miss only
+/// repeats an interval. With more of them the step interrupt is held up or the hardware counts
+/// wrong, and motion stops.
 pub(super) const MAX_MISSED_UPDATES: u32 = 8;
 
-/// Portions of planning in one call of [`Machine::work`], so that other users of the machine get their turn.
+/// Portions of planning in one call of [`Machine::work`], so that other users of the
+/// machine get their turn.
 const PORTIONS_AT_ONCE: usize = 256;
 
 impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<R, Q, M> {
-    /// Keeps the step queue full; to be called when something was added, and at a steady pace. Returns true if there
-    /// is more to do at once.
+    /// Keeps the step queue full; to be called when something was added, and at a steady pace.
+    /// Returns true if there is more to do at once.
     pub fn work(&mut self, silence: Silence) -> bool {
         let queue = &mut self.feeder.queue;
         if queue.link().is_stopping() {
@@ -65,7 +67,8 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         more
     }
 
-    /// Starts the motors from standstill when the head start is queued, or no further motion is to come.
+    /// Starts the motors from standstill when the head start is queued, or no further
+    /// motion is to come.
     fn start_when_ready(&mut self) {
         let queue = &self.feeder.queue;
         let waiting = queue.waiting();
@@ -86,13 +89,15 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         }
     }
 
-    /// Bounded in time, the ring is seldom full: final blocks leave as soon as enough of them are there, and always in motion.
+    /// Bounded in time, the ring is seldom full: final blocks leave as soon as enough of them are
+    /// there, and always in motion.
     fn release_final(&mut self) -> bool {
         let may_leave = self.is_bounded && (self.feeder.queue.link().is_running() || self.holds_enough());
         may_leave && self.planner.release_final()
     }
 
-    /// Lets a block leave a look-ahead ring that is not full, in motion, if steps run out. Returns true if it did.
+    /// Lets a block leave a look-ahead ring that is not full, in motion, if steps run out.
+    /// Returns true if it did.
     fn release(&mut self) -> bool {
         let runs_out = self.planner.is_in_motion() && self.feeder.remaining_ticks() < LOW_TICKS;
         let releases = runs_out && self.feeder.queue.link().is_running() && !self.planner.is_look_ahead_empty();
@@ -102,7 +107,8 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         releases
     }
 
-    /// Sets the pace that planning can keep for the blocks to come, after planning that began at tick `began`.
+    /// Sets the pace that planning can keep for the blocks to come, after planning that began
+    /// at tick `began`.
     fn adjust_pace(&mut self, began: Option<u32>) {
         self.feeder.update_timeline();
         let (Some(began), Some(now)) = (began, self.feeder.queue.now_ticks()) else { return };

@@ -5,13 +5,15 @@ use ferrostep_planner::{Pace, TICKS_PER_SECOND};
 /// Planning is judged each time it has taken this long, ticks: 2 ms.
 const JUDGED_AFTER_TICKS: u64 = TICKS_PER_SECOND as u64 / 500;
 
-/// Planning may take four fifths of the time that motion takes; the rest is for reading lines, and a reserve.
+/// Planning may take four fifths of the time that motion takes; the rest is for reading
+/// lines, and a reserve.
 const SHARE: (u64, u64) = (4, 5);
 
 /// Time that planning took, and time that the planned motion would last at full speed.
 ///
-/// Both are known before the motors start, and do not depend on ramps. A queue that runs low would show it too late: braking
-/// takes more blocks than can be planned in the time that the queue has left.
+/// Both are known before the motors start, and do not depend on ramps. A queue that runs low
+/// would show it too late: braking takes more blocks than can be planned in the time that
+/// the queue has left.
 #[derive(Debug, Default)]
 pub struct Workload {
     /// Time that planning took, ticks.
@@ -23,8 +25,8 @@ pub struct Workload {
 }
 
 impl Workload {
-    /// Adds `ticks` of planning; `nominal_ticks` are those of all blocks begun so far. Returns, every now and then, a pace
-    /// that planning can keep.
+    /// Adds `ticks` of planning; `nominal_ticks` are those of all blocks begun so far. Returns,
+    /// every now and then, a pace that planning can keep.
     pub fn add(&mut self, ticks: u32, nominal_ticks: u64) -> Option<Pace> {
         self.taken = self.taken.saturating_add(u64::from(ticks));
         if nominal_ticks == self.begun {
@@ -52,7 +54,8 @@ mod tests {
 
     const MS: u32 = TICKS_PER_SECOND / 1000;
 
-    /// Plans blocks that would last 1 ms each at full speed, in portions of such durations; returns the last pace.
+    /// Plans blocks that would last 1 ms each at full speed, in portions of such durations;
+    /// returns the last pace.
     fn pace_of(portions: &[u32], blocks: u64) -> Option<Pace> {
         let mut workload = Workload::default();
         let mut pace = None;
@@ -66,7 +69,8 @@ mod tests {
 
     #[test]
     fn the_pace_is_what_planning_can_keep() {
-        // The first block's own planning has no motion to be compared with, so all estimates are a little low.
+        // The first block's own planning has no motion to be compared with, so all estimates
+        // are a little low.
         for (percent, least, most) in [(10, 256, 256), (79, 250, 256), (160, 120, 128), (800, 22, 26), (80_000, 1, 1)] {
             for portions in [vec![MS / 100 * percent], vec![MS / 400 * percent; 4]] {
                 let pace = pace_of(&portions, 200).unwrap().in_256ths();

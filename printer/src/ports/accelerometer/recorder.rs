@@ -1,4 +1,5 @@
-//! Records samples of a chip with a memory: a board's task between the commands and the host's line.
+//! Records samples of a chip with a memory: a board's task between the commands and
+//! the host's line.
 
 use ferrostep_hal_shim::{AccelerometerChip, AccelerometerFault, WaitingSamples};
 use ferrostep_planner::TICKS_PER_SECOND;
@@ -6,10 +7,12 @@ use ferrostep_planner::TICKS_PER_SECOND;
 use super::{AccelerometerSettings, RecordEvent, RecordFault};
 use crate::error::CommandError;
 
-/// Samples over which the chip's rate is measured; over fewer, the beginning and the end of a sample would count too much.
+/// Samples over which the chip's rate is measured; over fewer, the beginning and the end of a
+/// sample would count too much.
 const MEASURED_SAMPLES: u32 = 1000;
 
-/// A chip that takes no sample within this many periods and this time has failed. The time is longer than a chip takes to start.
+/// A chip that takes no sample within this many periods and this time has failed. The time is
+/// longer than a chip takes to start.
 const SILENT_PERIODS: u64 = 10;
 const SILENT_TICKS: u64 = TICKS_PER_SECOND as u64 / 10;
 
@@ -36,7 +39,8 @@ struct Record {
     /// Time when a sample came last, and since when the host takes no line.
     came_ticks: u64,
     unread_since_ticks: Option<u64>,
-    /// Time of the first and of the last look at which the chip had taken samples, and their number then.
+    /// Time of the first and of the last look at which the chip had taken samples, and
+    /// their number then.
     first: Option<(u64, u32)>,
     last: (u64, u32),
 }
@@ -79,8 +83,8 @@ impl Record {
         self.elapsed_ticks - self.came_ticks > SILENT_TICKS + periods
     }
 
-    /// Samples a second: measured by the motion clock over a long record, since chips are off by some percent; else
-    /// the set rate.
+    /// Samples a second: measured by the motion clock over a long record, since chips are off by
+    /// some percent; else the set rate.
     fn rate_hz(&self, set_hz: u16) -> u16 {
         let (Some((first_ticks, first)), (last_ticks, last)) = (self.first, self.last) else { return set_hz };
         let (samples, ticks) = (last - first, last_ticks - first_ticks);
@@ -105,8 +109,9 @@ enum State {
     Recording(Record),
 }
 
-/// The recorder of one chip. Time comes in as ticks of the motion clock, modulo 2^32; it is to be called at least every 40 s while it
-/// records, and often enough that the chip's memory does not overflow.
+/// The recorder of one chip. Time comes in as ticks of the motion clock, modulo 2^32; it is to
+/// be called at least every 40 s while it records, and often enough that the chip's memory
+/// does not overflow.
 #[derive(Debug)]
 pub struct Recorder<C> {
     chip: C,

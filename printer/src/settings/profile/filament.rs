@@ -18,15 +18,19 @@ pub struct FirmwareRetraction {
 /// Settings of a pause (M125, M226, M600, M601, M25).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PauseSettings {
-    /// Waiting place of the nozzle: X and Y in machine coordinates, units of 10 nm, within the travel.
+    /// Waiting place of the nozzle: X and Y in machine coordinates, units of 10 nm,
+    /// within the travel.
     pub place_10nm: [i64; 2],
     /// Rise before that, units of 10 nm.
     pub rise_10nm: i64,
-    /// M600: filament that is drawn out before the motor lets it go, units of 10 nm; 0: a person pulls.
+    /// M600: filament that is drawn out before the motor lets it go, units of 10 nm;
+    /// 0: a person pulls.
     pub unload_10nm: i64,
-    /// M600: filament that is pushed in before the nozzle goes back, units of 10 nm; 0: a person pushes.
+    /// M600: filament that is pushed in before the nozzle goes back, units of 10 nm; 0:
+    /// a person pushes.
     pub load_10nm: i64,
-    /// M600: filament that the second button of its prompt pushes, units of 10 nm; 0: without this button.
+    /// M600: filament that the second button of its prompt pushes, units of 10 nm; 0:
+    /// without this button.
     pub more_10nm: i64,
     /// Speed of all three, units of 10 nm a second.
     pub filament_10nm_per_s: i64,
@@ -102,7 +106,8 @@ impl ExtrusionSettings {
     /// Smallest and largest layer height, line width and filament diameter, units of 10 nm.
     pub const RANGES_10NM: [(i64, i64); 3] = [(1_000, 500_000), (5_000, 2_000_000), (50_000, 10_000_000)];
 
-    /// Filament by E words alone; 0.2 mm by 0.45 mm with 1.75 mm filament if `adaptive` is switched on.
+    /// Filament by E words alone; 0.2 mm by 0.45 mm with 1.75 mm filament if
+    /// `adaptive` is switched on.
     pub const DEFAULT: Self =
         Self { adaptive: false, layer_height_10nm: 20_000, line_width_10nm: 45_000, filament_diameter_10nm: 175_000 };
 }

@@ -6,10 +6,12 @@ use ferrostep_virtual_board::HeatedMass;
 
 use crate::heat::gains::PidGains;
 
-/// Default for the seconds without use after which heaters go off: Prusa's (`SafetyTimer`, 30 minutes).
+/// Default for the seconds without use after which heaters go off: Prusa's
+/// (`SafetyTimer`, 30 minutes).
 pub const DEFAULT_HEATER_TIMEOUT_S: u16 = 1800;
 
-/// Limits at which a heater that should heat counts as failed ([`crate::heat::safety`]). The defaults are Marlin's.
+/// Limits at which a heater that should heat counts as failed ([`crate::heat::safety`]). The
+/// defaults are Marlin's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeaterWatch {
     /// While it heats up, the temperature must rise within this time, milliseconds ...
@@ -18,8 +20,8 @@ pub struct HeaterWatch {
     pub watch_celsius: f32,
     /// Once it has reached its target, for no longer than this, milliseconds ...
     pub runaway_ms: u32,
-    /// ... may the temperature be farther below the target than this, degrees. Near the room's temperature less is allowed
-    /// ([`crate::heat::safety`]).
+    /// ... may the temperature be farther below the target than this, degrees. Near the room's
+    /// temperature less is allowed ([`crate::heat::safety`]).
     pub runaway_celsius: f32,
 }
 

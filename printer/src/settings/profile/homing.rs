@@ -32,8 +32,8 @@ pub struct AxisHoming {
     pub sensor: HomeSensor,
     /// True if the sensor's signal is low when it triggers; a driver's stall signal is high then.
     pub triggers_low: bool,
-    /// Machine coordinate at which the sensor triggers, in units of 10 nm. With a probe it is that of the bed: the probe triggers
-    /// at this less the Z of [`SafeHoming::probe_offset_10nm`].
+    /// Machine coordinate at which the sensor triggers, in units of 10 nm. With a probe it is that
+    /// of the bed: the probe triggers at this less the Z of [`SafeHoming::probe_offset_10nm`].
     pub position_10nm: i64,
     /// Speed of the first approach, mm/s.
     pub fast_mm_per_s: f64,
@@ -41,16 +41,16 @@ pub struct AxisHoming {
     pub slow_mm_per_s: f64,
     /// Path back between the two, in units of 10 nm.
     pub back_off_10nm: i64,
-    /// Maximum excess of the frame over the travel, in units of 10 nm: an approach from an unknown place goes no
-    /// farther than the sum of both.
+    /// Maximum excess of the frame over the travel, in units of 10 nm: an approach from an unknown
+    /// place goes no farther than the sum of both.
     pub overrun_10nm: i64,
     /// Greatest distance between the places where the two approaches trigger, in units of 10 nm.
     pub agree_10nm: i64,
 }
 
 impl AxisHoming {
-    /// Maximum distance of an approach to the bed below the place where its sensor must trigger, units of 10 nm: 0.5
-    /// mm.
+    /// Maximum distance of an approach to the bed below the place where its sensor must trigger,
+    /// units of 10 nm: 0.5 mm.
     pub const MAX_PRESS_10NM: i64 = 50_000;
 }
 
@@ -61,18 +61,20 @@ pub struct SafeHoming {
     pub raise_10nm: i64,
     /// Place of the nozzle (X, Y) while Z homes; `None`: at any place.
     pub home_at_10nm: Option<[i64; 2]>,
-    /// Offset from the nozzle's tip to the place where the probe triggers (X, Y, Z), as M851 has it: a Z of -1 mm
-    /// says that the nozzle is 1 mm above the bed when the probe triggers.
+    /// Offset from the nozzle's tip to the place where the probe triggers (X, Y, Z), as M851 has
+    /// it: a Z of -1 mm says that the nozzle is 1 mm above the bed when the probe triggers.
     pub probe_offset_10nm: [i64; 3],
-    /// Area in which the probe finds the bed: lower and upper end along X and along Y, machine coordinates.
+    /// Area in which the probe finds the bed: lower and upper end along X and along Y,
+    /// machine coordinates.
     pub bed_10nm: [[i64; 2]; 2],
-    /// The bed is the circle between these ends, which are as far from each other along Y as along X.
+    /// The bed is the circle between these ends, which are as far from each other
+    /// along Y as along X.
     pub is_round: bool,
 }
 
 impl SafeHoming {
-    /// Smallest and largest Z of a probe's offset, units of 10 nm: none triggers when the nozzle is higher than 10 mm; above 0 the
-    /// nozzle touches before the probe triggers.
+    /// Smallest and largest Z of a probe's offset, units of 10 nm: none triggers when the nozzle is
+    /// higher than 10 mm; above 0 the nozzle touches before the probe triggers.
     pub const PROBE_Z_10NM: [i64; 2] = [-1_000_000, 500_000];
 
     /// Raises no axis; Z homes at any place.
@@ -109,7 +111,8 @@ pub struct MeshSettings {
     pub points: [u8; 2],
     /// Interpolation of the surface between them.
     pub interpolation: MeshInterpolation,
-    /// Area of the points: lower and upper end along X and along Y, machine coordinates of the probe.
+    /// Area of the points: lower and upper end along X and along Y, machine
+    /// coordinates of the probe.
     pub area_10nm: [[i64; 2]; 2],
     /// Height of the nozzle from which on Z no longer follows; 0: it follows to the top.
     pub fade_10nm: i64,

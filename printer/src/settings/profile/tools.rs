@@ -1,4 +1,5 @@
-//! Several tools on one carriage, as a profile describes them: each with a motor for its filament, and a nozzle or that of the first.
+//! Several tools on one carriage, as a profile describes them: each with a motor for its filament,
+//! and a nozzle or that of the first.
 
 use ferrostep_hal_shim::{FanOutput, Heater, SpareConnector};
 use ferrostep_planner::{PressureAdvance, StepsPerMm};
@@ -40,14 +41,16 @@ pub struct FurtherTool {
     pub driver: Option<DriverSettings>,
     /// Its own heater; `None`: it shares T0's nozzle.
     pub heater: Option<ToolHeater>,
-    /// The index of the fan's output that M106 without P means while it is selected; `None`: the part-cooling fan's.
+    /// The index of the fan's output that M106 without P means while it is selected; `None`: the
+    /// part-cooling fan's.
     pub fan: Option<u8>,
 }
 
 /// Actions of a change of the tool. Lengths are units of 10 nm, speeds of 10 nm a second.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ToolChange {
-    /// Rise of the nozzle before it goes aside; the offset along Z is added where the new nozzle is the lower one.
+    /// Rise of the nozzle before it goes aside; the offset along Z is added where the new nozzle
+    /// is the lower one.
     pub lift_10nm: i64,
     /// Speed of the new nozzle on its way to the old one's place.
     pub travel_10nm_per_s: i64,
@@ -59,7 +62,8 @@ pub struct ToolChange {
     pub prime_10nm: i64,
     /// Speed at which it pushes both.
     pub prime_10nm_per_s: i64,
-    /// The macro whose lines come before it. It and the next one are called with `FROM` and `TO`, the numbers of the tools.
+    /// The macro whose lines come before it. It and the next one are called with `FROM` and `TO`,
+    /// the numbers of the tools.
     pub before: Option<&'static str>,
     /// The macro whose lines come after it.
     pub after: Option<&'static str>,
@@ -83,7 +87,8 @@ impl FurtherTool {
 }
 
 impl Tools {
-    /// A tool by its number; `None` for T0, which is in the profile itself, and for one that is not there.
+    /// A tool by its number; `None` for T0, which is in the profile itself, and for one
+    /// that is not there.
     pub const fn get(&self, tool: u8) -> Option<&FurtherTool> {
         let further = tool as usize;
         if further == 0 || further >= MAX_TOOLS { None } else { self.further[further - 1].as_ref() }

@@ -9,7 +9,8 @@ pub struct ZMotor {
     pub is_inverted: bool,
 }
 
-/// A part of a profile that most machines do not have, kept apart: where it is missing, an image does not hold its room.
+/// A part of a profile that most machines do not have, kept apart: where it is missing, an image
+/// does not hold its room.
 ///
 /// Its `Debug` is an expression of Rust, as that of all parts of a profile.
 #[derive(Clone, Copy, PartialEq, Eq)]

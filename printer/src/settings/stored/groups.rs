@@ -1,4 +1,5 @@
-//! The command that sets each setting that a machine keeps, between which limits, and by which name a memory knows it.
+//! The command that sets each setting that a machine keeps, between which limits, and by which name
+//! a memory knows it.
 
 mod of_models;
 mod of_tools;
@@ -38,7 +39,8 @@ pub(crate) struct Group<M: Parts> {
     pub code: &'static str,
     /// Heading of the group in a report.
     pub heading: &'static str,
-    /// `Some`: a line for each of these axes, and in it a word for each setting. `None`: all values in a line.
+    /// `Some`: a line for each of these axes, and in it a word for each setting. `None`: all
+    /// values in a line.
     pub axes: Option<&'static str>,
     pub settings: &'static [Setting<M>],
 }
@@ -68,8 +70,8 @@ const FILAMENT: [f64; 2] = [0.0, PauseSettings::MAX_FILAMENT_10NM as f64 / MM];
 const PROBE_Z: [f64; 2] = [SafeHoming::PROBE_Z_10NM[0] as f64 / MM, SafeHoming::PROBE_Z_10NM[1] as f64 / MM];
 
 impl<M: Parts> Group<M> {
-    /// Every setting that M500 stores, but for those of models. A new one is a line here, if a place in [`Values`]
-    /// has it. Names and their meaning stay: memories of machines contain them.
+    /// Every setting that M500 stores, but for those of models. A new one is a line here, if a
+    /// place in [`Values`] has it. Names and their meaning stay: memories of machines contain them.
     const GROUPS: &'static [Self] = &[
         Self {
             code: "M92",
@@ -393,8 +395,8 @@ impl Display for Shown {
 }
 
 impl<M: Parts> Group<M> {
-    /// Writes the command that sets its values, those of one axis where it has a line for each. `false`: the machine has none of them,
-    /// such as the offset of a probe.
+    /// Writes the command that sets its values, those of one axis where it has a line for each.
+    /// `false`: the machine has none of them, such as the offset of a probe.
     // Not by `Display`: the depth of the stack is reckoned as if any of those called any.
     pub fn write_command(&self, values: &mut Values<M>, axis: usize, out: &mut impl Write) -> Result<bool, fmt::Error> {
         out.write_str(self.code)?;
@@ -429,8 +431,8 @@ fn write_word(out: &mut impl Write, letter: char, place: &Place<'_>, scale: f64)
     }
 }
 
-/// A length, or a speed a second, in a command's unit, with the fewest decimals, at most five, that are read back as
-/// this value: F2540, not F2539.9998.
+/// A length, or a speed a second, in a command's unit, with the fewest decimals, at most five, that
+/// are read back as this value: F2540, not F2539.9998.
 fn shortest_length(length_10nm: i64, scale: f64) -> f64 {
     const MM: f64 = 100_000.0;
     let exact = length_10nm as f64 / MM * scale;
@@ -440,8 +442,8 @@ fn shortest_length(length_10nm: i64, scale: f64) -> f64 {
     rounded.into_iter().find(reads_back).unwrap_or(exact)
 }
 
-/// The value in a command's unit, with the fewest decimals, at most six, that are read back as this value: 51, not
-/// 51.000001.
+/// The value in a command's unit, with the fewest decimals, at most six, that are read back as this
+/// value: 51, not 51.000001.
 fn shortest(value: f32, scale: f64) -> f64 {
     let exact = f64::from(value) * scale;
     let rounded = [100.0, 1e3, 1e4, 1e5].map(|decimals| libm::round(exact * decimals) / decimals);

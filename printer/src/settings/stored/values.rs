@@ -80,7 +80,8 @@ pub(crate) struct Values<M: Parts> {
 }
 
 impl<M: Parts> Values<M> {
-    /// Values of a profile, for a machine on which these drivers can be set, and which may have heaters.
+    /// Values of a profile, for a machine on which these drivers can be set, and which
+    /// may have heaters.
     pub fn of_profile(profile: &Profile, drivers: &[Option<DriverSettings>; 4], has_heaters: bool) -> Self {
         let mut of_profile = profile.drivers;
         for (driver, live) in of_profile.iter_mut().zip(drivers) {
@@ -225,8 +226,8 @@ impl Place<'_> {
         }
     }
 
-    /// Changes it to a value within `range`. `false`: it is not within, or not whole where it must be, and the old
-    /// value stays.
+    /// Changes it to a value within `range`. `false`: it is not within, or not whole where it must
+    /// be, and the old value stays.
     pub fn set(&mut self, value: f64, [least, most]: [f64; 2]) -> bool {
         if let (Self::Optional(place), true) = (&mut *self, value.is_nan()) {
             **place = None;

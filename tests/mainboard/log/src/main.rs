@@ -1,5 +1,5 @@
-//! Shows the log of a program on the virtual mainboard, as a debug probe does: defmt frames on standard input, lines of text on
-//! standard error.
+//! Shows the log of a program on the virtual mainboard, as a debug probe does: defmt frames on
+//! standard input, lines of text on standard error.
 //!
 //! `ferrostep-mainboard-log ELF`: the image's file has the table of the log's texts.
 

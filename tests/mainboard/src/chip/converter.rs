@@ -1,10 +1,12 @@
 //! Converters that scan without end, in lots.
 //!
-//! rigless's converter (`soc::stm32f427::peripherals::adc`) reports the end of each conversion: 21,000 times a second
-//! for the thermistors of a printer, each with a request to DMA that every instance hears. That was most of the work of a
-//! board at rest. Once such a scan is under way, this model finishes its conversions by the lot: some whole sequences at
-//! the instant at which the last of them ends, at most [`LOT_NS`] after the first. DMA then moves the words of a lot one
-//! after the other. The plant changes the voltages as rarely, so no word is older than it could have been.
+//! rigless's converter (`soc::stm32f427::peripherals::adc`) reports the end of each conversion:
+//! 21,000 times a second for the thermistors of a printer, each with a request to DMA that every
+//! instance hears. That was most of the work of a board at rest. Once such a scan is under way,
+//! this model finishes its conversions by the lot: some whole sequences at the instant at which
+//! the last of them ends, at most [`LOT_NS`] after the first. DMA then moves the words of a lot
+//! one after the other. The plant changes the voltages as rarely, so no word is older than it
+//! could have been.
 //!
 //! | Section | Behaviour | Test |
 //! |---|---|---|
@@ -38,7 +40,8 @@ const PINS: usize = 16;
 const SAMPLING_CYCLES: [u64; 8] = [3, 15, 28, 56, 84, 112, 144, 480];
 /// Bits of a word by RES, which are also the cycles after sampling, 13.7 and 13.13.2.
 const BITS: [u32; 4] = [12, 10, 8, 6];
-/// Fields of CR1 and CR2 with which a scan without end needs only DMA, and those with which it needs more.
+/// Fields of CR1 and CR2 with which a scan without end needs only DMA, and those with
+/// which it needs more.
 const ENDLESS: [&FieldSpec; 4] = [cr2::ADON, cr2::CONT, cr2::DMA, cr2::DDS];
 const NOT_IN_LOTS_1: [&FieldSpec; 8] =
     [cr1::EOCIE, cr1::AWDIE, cr1::JEOCIE, cr1::OVRIE, cr1::JAUTO, cr1::DISCEN, cr1::AWDEN, cr1::JAWDEN];
@@ -66,7 +69,8 @@ struct Scan {
     /// The end of the lot under way.
     run: Run,
     event: EventId,
-    /// The event by which rigless's model knows the conversion that was under way when the first lot began.
+    /// The event by which rigless's model knows the conversion that was under way when the
+    /// first lot began.
     held: EventId,
     /// Words that DMA has not taken.
     words: VecDeque<u64>,
@@ -122,7 +126,8 @@ impl Converter {
             .map_or(full, |word| word.min(full))
     }
 
-    /// Each channel of a sequence that may be finished by the lot, with the cycles of its conversion.
+    /// Each channel of a sequence that may be finished by the lot, with the cycles
+    /// of its conversion.
     fn sequence(registers: &RegisterFile) -> Option<Vec<(usize, u64)>> {
         let [control_1, control_2] = [Register::Cr1, Register::Cr2].map(|register| registers.get(register));
         let is_endless = cr1::SCAN.is_set(control_1) && ENDLESS.iter().all(|field| field.is_set(control_2));
@@ -239,7 +244,8 @@ impl Device for Converter {
             }
             return;
         }
-        // A sequence has ended, and DMA has taken its words: this is the end of the next one's first conversion.
+        // A sequence has ended, and DMA has taken its words: this is the end of the next one's
+        // first conversion.
         let status = registers.get(Register::Sr);
         let is_first = self.ended_sequence && !sr::OVR.is_set(status) && !sr::EOC.is_set(status);
         self.ended_sequence = false;

@@ -1,13 +1,14 @@
 //! The delay of interrupt entry, and the clock registers of the F446 that the F427 lacks.
 //!
-//! The core enters a handler in 12 cycles (PM0214 rev 10, 2.3.7), more with wait states or a floating-point frame;
-//! rigless's core enters in 0. The delay matters for the step timer's interrupt only. That interrupt has the highest
-//! priority and is never masked, so [`Entry`] delays every request of it, and the run holds the core meanwhile: it is
-//! stacking registers. A request that its peripheral withdraws in that time does not arrive.
+//! The core enters a handler in 12 cycles (PM0214 rev 10, 2.3.7), more with wait states or a
+//! floating-point frame; rigless's core enters in 0. The delay matters for the step timer's
+//! interrupt only. That interrupt has the highest priority and is never masked, so [`Entry`] delays
+//! every request of it, and the run holds the core meanwhile: it is stacking registers. A request
+//! that its peripheral withdraws in that time does not arrive.
 //!
-//! **Left out:** the entries of all other interrupts, which only cost processor time; tail-chaining (a handler that
-//! follows another pays the whole delay again); and all other delays of single instructions, whose mean is in
-//! [`crate::machine::INSTRUCTIONS_PER_SECOND`].
+//! **Left out:** the entries of all other interrupts, which only cost processor time; tail-chaining
+//! (a handler that follows another pays the whole delay again); and all other delays of single
+//! instructions, whose mean is in [`crate::machine::INSTRUCTIONS_PER_SECOND`].
 
 use rigless::device::{Device, DeviceContext, InterruptChange, Level, RegisterFile};
 use rigless::emulator::InterruptLine;
@@ -111,7 +112,8 @@ impl Device for Entry {
     }
 }
 
-/// RCC_CKGATENR and RCC_DCKCFGR2 of the F446 (RM0390 6.3.27, 6.3.28), after the registers that the F427 has too.
+/// RCC_CKGATENR and RCC_DCKCFGR2 of the F446 (RM0390 6.3.27, 6.3.28), after the registers that
+/// the F427 has too.
 pub const CLOCKS_F446: Peripheral =
     Peripheral { name: "RCC_F446", base: 0x4002_3890, size: 8, interrupts: &[], registers: &CLOCK_REGISTERS };
 static CLOCK_REGISTERS: [RegisterSpec; 2] = [word("CKGATENR", 0), word("DCKCFGR2", 4)];

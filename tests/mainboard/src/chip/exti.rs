@@ -1,5 +1,5 @@
-//! The external interrupt controller of RM0090 rev 22 chapter 12, and the system configuration controller of chapter 9,
-//! which selects the port of each of its first 16 lines.
+//! The external interrupt controller of RM0090 rev 22 chapter 12, and the system configuration
+//! controller of chapter 9, which selects the port of each of its first 16 lines.
 //!
 //! | Section | Behaviour | Test |
 //! |---|---|---|
@@ -27,11 +27,12 @@ use rigless::soc::stm32f427::peripherals::PORTS;
 
 /// Number of lines from pins.
 const LINES: usize = 16;
-/// Position of each interrupt in the instance's table: one for each of lines 0 to 4, then 9 to 5 and 15 to 10.
+/// Position of each interrupt in the instance's table: one for each of lines 0 to 4, then 9
+/// to 5 and 15 to 10.
 const INTERRUPTS: [u64; 7] = [1 << 0, 1 << 1, 1 << 2, 1 << 3, 1 << 4, 0x03E0, 0xFC00];
 
-/// The system configuration controller. It reports the selection to the EXTI by requests: number 16 x line + port, high
-/// for the selected port.
+/// The system configuration controller. It reports the selection to the EXTI by requests: number 16
+/// x line + port, high for the selected port.
 #[derive(Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct Syscfg {
     chosen: [u8; LINES],
@@ -75,7 +76,8 @@ impl Device for Syscfg {
 pub struct Exti {
     /// Level of each pin of each port as it last announced it; a bit a pin.
     levels: [u16; PORTS.len()],
-    /// Pins with a known level. The first announced level is not an edge: the level of a floating pin is unknown.
+    /// Pins with a known level. The first announced level is not an edge: the level of a
+    /// floating pin is unknown.
     known: [u16; PORTS.len()],
     chosen: [u8; LINES],
     driven: [Level; INTERRUPTS.len()],

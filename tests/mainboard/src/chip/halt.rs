@@ -1,8 +1,9 @@
-//! Halts the core while the rest of the chip continues: by a debugger, or because the core is stuck.
+//! Halts the core while the rest of the chip continues: by a debugger, or because
+//! the core is stuck.
 //!
-//! rigless's debugger stops virtual time with the core, so it cannot show the effects of a probe's halt: timers
-//! continue to switch heaters, and the watchdog counts or not according to DBGMCU (RM0090 21.3.3, 38.16.4). Here the
-//! run holds the core and lets time pass ([`Stm32f4::halt`]).
+//! rigless's debugger stops virtual time with the core, so it cannot show the effects of a probe's
+//! halt: timers continue to switch heaters, and the watchdog counts or not according to DBGMCU
+//! (RM0090 21.3.3, 38.16.4). Here the run holds the core and lets time pass ([`Stm32f4::halt`]).
 //!
 //! | Section | Behaviour | Test |
 //! |---|---|---|
@@ -11,8 +12,8 @@
 //! | 21.3.3 | without it, and whenever the core hangs by itself, the watchdog counts | the same |
 //! | 6.1.1 | a reset releases the core: it clears the halt request | the same |
 //!
-//! **Left out:** the other freeze bits of DBGMCU_APB1_FZ and APB2_FZ (timers, the buses' time-outs): the timer models
-//! have no input for them, so their timers continue.
+//! **Left out:** the other freeze bits of DBGMCU_APB1_FZ and APB2_FZ (timers, the buses'
+//! time-outs): the timer models have no input for them, so their timers continue.
 
 use rigless::device::Device;
 use rigless::soc::stm32f427::generated::{dbg, rcc};
@@ -62,8 +63,8 @@ mod tests {
     const KR: u64 = 0x4000_3000;
     const APB1_FZ: u64 = 0xE004_2008;
 
-    /// True if the watchdog, started at 0 with its time-out after reset (512 ms), resets a core halted at 0.1 s within
-    /// 10 s.
+    /// True if the watchdog, started at 0 with its time-out after reset (512 ms), resets a core
+    /// halted at 0.1 s within 10 s.
     fn resets(halt: Halt, freeze: u64) -> bool {
         let mut chip = Stm32f4::new(Model::F407).unwrap();
         let settle = |chip: &mut Stm32f4, at_ns| {

@@ -116,8 +116,8 @@ impl Instance {
         }
     }
 
-    /// True if the instance has a clock enable and a reset bit. Exceptions are the clock tree itself, instances of the
-    /// core, and those without a bus clock (RM0090 2.1.11, 6.2.9, 26.3.5).
+    /// True if the instance has a clock enable and a reset bit. Exceptions are the clock tree
+    /// itself, instances of the core, and those without a bus clock (RM0090 2.1.11, 6.2.9, 26.3.5).
     const fn is_gated(self) -> bool {
         // The converters' common block answers while any converter has a clock.
         !matches!(

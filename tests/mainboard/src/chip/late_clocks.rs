@@ -1,13 +1,15 @@
-//! Clock enables that take effect late, as an option: an access to an instance too soon after its enable is lost.
+//! Clock enables that take effect late, as an option: an access to an instance too soon after
+//! its enable is lost.
 //!
-//! ES0206 rev 24 2.2.7 (and the same erratum of the F405 and F407 in ES0182): after the bit is set, an instance on an
-//! AHB answers two cycles later, one on an APB 1 + (AHB clock / APB clock) of its bus's cycles later. A read of the
-//! enable register in between waits for the store before it: one of the sheets' three workarounds. A read from an
-//! instance without a clock answers 0, a write has no effect; the run reports an access that a closed gate of
-//! "LATE_CLOCKS" refused.
+//! ES0206 rev 24 2.2.7 (and the same erratum of the F405 and F407 in ES0182): after the bit is set,
+//! an instance on an AHB answers two cycles later, one on an APB 1 + (AHB clock / APB clock) of its
+//! bus's cycles later. A read of the enable register in between waits for the store before it: one
+//! of the sheets' three workarounds. A read from an instance without a clock answers 0, a write has
+//! no effect; the run reports an access that a closed gate of "LATE_CLOCKS" refused.
 //!
-//! rigless opens an instance at the write itself. With the option the bus checks a copy of the four enable registers
-//! instead, which follows the true ones with this delay. The run reports each access ([`super::Stm32f4::reached`]).
+//! rigless opens an instance at the write itself. With the option the bus checks a copy of the four
+//! enable registers instead, which follows the true ones with this delay. The run reports each
+//! access ([`super::Stm32f4::reached`]).
 //!
 //! | Behaviour | Test |
 //! |---|---|

@@ -1,9 +1,10 @@
-//! The memory map of the STM32F405, F407 and F446: rigless's tables of the STM32F427 (RM0090) without the instances
-//! that these chips lack, with the corrections that rigless applies to its own part, and with the own models.
+//! The memory map of the STM32F405, F407 and F446: rigless's tables of the STM32F427 (RM0090)
+//! without the instances that these chips lack, with the corrections that rigless applies to its
+//! own part, and with the own models.
 //!
-//! rigless does not export the description of its part, and a description cannot be changed once it is built. So this
-//! module repeats the facts, each with its section of RM0090 rev 22. It asks rigless where it can (which output of the
-//! clock tree feeds an instance).
+//! rigless does not export the description of its part, and a description cannot be changed once it
+//! is built. So this module repeats the facts, each with its section of RM0090 rev 22. It asks
+//! rigless where it can (which output of the clock tree feeds an instance).
 
 use rigless::cpu::armv7m;
 use rigless::soc::stm32f427::generated::{self, gpioa, tim2, tim3, tim10};
@@ -13,11 +14,12 @@ use rigless::soc::{Bus, Clock, Cpu, EraseBlocks, Error, Gate, Peripheral, Region
 use super::{entry, instances, late_clocks, usb};
 use crate::wiring::Chip as Model;
 
-/// The interrupt lines are 0 to 81 on the F405 and F407, 0 to 96 on the F446 (RM0090 table 62, RM0390 table 38). Lines
-/// above 90 belong to instances that no board here uses.
+/// The interrupt lines are 0 to 81 on the F405 and F407, 0 to 96 on the F446 (RM0090 table 62,
+/// RM0390 table 38). Lines above 90 belong to instances that no board here uses.
 const CPU: Cpu = Cpu::new("CM4", true, 91, rigless::soc::Endian::Little);
 
-/// Sectors of one bank: four of 16 KiB, one of 64, seven of 128 (RM0090 table 5), or three of 128 (RM0390 table 4).
+/// Sectors of one bank: four of 16 KiB, one of 64, seven of 128 (RM0090 table 5), or three of 128
+/// (RM0390 table 4).
 static SECTORS_1024: [EraseBlocks; 3] = [blocks(16, 4), blocks(64, 1), blocks(128, 7)];
 static SECTORS_512: [EraseBlocks; 3] = [blocks(16, 4), blocks(64, 1), blocks(128, 3)];
 
@@ -45,8 +47,8 @@ static MEMORY_F446: [Region; 4] = [
     Region::ram("backup_sram", 0x4002_4000, 4 << 10),
 ];
 
-/// Instances of the STM32F427 that the F405, F407 and F446 lack, or that differ there. An access to one is reported as
-/// an address without a device.
+/// Instances of the STM32F427 that the F405, F407 and F446 lack, or that differ there. An access to
+/// one is reported as an address without a device.
 const ABSENT: [&str; 14] = [
     "UART7",
     "UART8",
@@ -64,8 +66,8 @@ const ABSENT: [&str; 14] = [
     "OTG_FS_PWRCLK",
 ];
 
-/// Interrupt lines on which ST's file contradicts RM0090 table 62. The EXTI's are in the order of its lines: 0 to 4, 9
-/// to 5, 15 to 10, and the supply's.
+/// Interrupt lines on which ST's file contradicts RM0090 table 62. The EXTI's are in the order of
+/// its lines: 0 to 4, 9 to 5, 15 to 10, and the supply's.
 const INTERRUPTS: [(&str, &[u16]); 9] = [
     ("ADC1", &[18]),
     ("ADC2", &[18]),
@@ -78,7 +80,8 @@ const INTERRUPTS: [(&str, &[u16]); 9] = [
     ("EXTI", &[6, 7, 8, 9, 10, 23, 40, 1]),
 ];
 
-/// Ports whose pins are not floating inputs after a reset: MODER, OSPEEDR, PUPDR (RM0090 8.4.1, 8.4.3, 8.4.4).
+/// Ports whose pins are not floating inputs after a reset: MODER, OSPEEDR, PUPDR (RM0090
+/// 8.4.1, 8.4.3, 8.4.4).
 const DEBUG_PORTS: [(&str, [u64; 3]); 2] =
     [("GPIOA", [0xA800_0000, 0x0C00_0000, 0x6400_0000]), ("GPIOB", [0x0000_0280, 0x0000_00C0, 0x0000_0100])];
 
@@ -87,8 +90,8 @@ const TIMERS: [&str; 14] = [
 ];
 const WIDE_TIMERS: [&str; 2] = ["TIM2", "TIM5"];
 
-/// The names of clock enable and reset bits that differ from the instance's name plus EN and RST (RM0090 6.3.5 to
-/// 6.3.14, in ST's spelling).
+/// The names of clock enable and reset bits that differ from the instance's name plus EN and RST
+/// (RM0090 6.3.5 to 6.3.14, in ST's spelling).
 const SPELLED_OTHERWISE: [(&str, &str, &str); 6] = [
     ("ADC1", "ADC1EN", "ADCRST"),
     ("ADC2", "ADC2EN", "ADCRST"),
@@ -102,7 +105,8 @@ const SPELLED_OTHERWISE: [(&str, &str, &str); 6] = [
 const BUSES: [(&str, &str); 4] =
     [("AHB1ENR", "AHB1RSTR"), ("AHB2ENR", "AHB2RSTR"), ("APB1ENR", "APB1RSTR"), ("APB2ENR", "APB2RSTR")];
 
-/// The bus of a chip, without models. With `clocks_are_late` instances answer after a delay: see [`late_clocks`].
+/// The bus of a chip, without models. With `clocks_are_late` instances answer after a delay: see
+/// [`late_clocks`].
 pub fn bus(model: Model, clocks_are_late: bool) -> Result<Bus, Error> {
     let memory: &'static [Region] = match model {
         Model::F405 | Model::F407 => &MEMORY_F405,
@@ -110,7 +114,8 @@ pub fn bus(model: Model, clocks_are_late: bool) -> Result<Bus, Error> {
     };
     let mut builder = Bus::builder(CPU, memory, instances(model))
         .routes_interrupts(entry::PERIPHERAL.name)
-        // DBGMCU_IDCODE: RM0090 38.6.1 (0x413; revision Z 0x1001, DS8626) and RM0390 33.6.1 (0x421).
+        // DBGMCU_IDCODE: RM0090 38.6.1 (0x413; revision Z 0x1001, DS8626) and
+        // RM0390 33.6.1 (0x421).
         .reset("DBG", "DBGMCU_IDCODE", if model == Model::F446 { 0x1000_0421 } else { 0x1001_6413 })
         // AHBIDL, 34.16.2, is part of the model's own table.
         .field("FLASH", "ACR", "LATENCY", flash::LATENCY)
@@ -152,9 +157,10 @@ pub fn bus(model: Model, clocks_are_late: bool) -> Result<Bus, Error> {
         &[],
         Gate::by("PWR", "CR", "DBP"),
     );
-    // Instances with inputs from other instances: the backup domain's reset, the clock controller (the watchdog's
-    // start), the converters' common block, the advanced timers' break, the DMA controllers (tables 42 and 43), each
-    // timer that can follow another (tables 93, 94, 101), and the EXTI (12.2.5).
+    // Instances with inputs from other instances: the backup domain's reset, the clock controller
+    // (the watchdog's start), the converters' common block, the advanced timers' break, the DMA
+    // controllers (tables 42 and 43), each timer that can follow another (tables 93, 94, 101), and
+    // the EXTI (12.2.5).
     for instance in ["RTC", "RCC", ADC_COMMON, CONVERTERS[0], "DMA1", "DMA2", "EXTI"] {
         builder = builder.reads_requests(instance);
     }
@@ -228,8 +234,8 @@ fn gates() -> Result<Vec<(&'static str, Gate, Gate)>, Error> {
     Ok(gates)
 }
 
-/// The output of the clock tree that clocks each instance (RM0090 figure 16): rigless's answer for the instances that
-/// it models, and the bus's timer clock for the timers of chapters 19 and 20.
+/// The output of the clock tree that clocks each instance (RM0090 figure 16): rigless's answer for
+/// the instances that it models, and the bus's timer clock for the timers of chapters 19 and 20.
 fn clocks(model: Model) -> Result<Vec<(&'static str, Clock)>, Error> {
     let theirs = rigless::soc::stm32f427::builder().build()?;
     let mut clocks: Vec<(&'static str, Clock)> = instances(model)

@@ -19,8 +19,8 @@ impl Mcu for Stm32f4 {
         &mut self.bus
     }
 
-    /// A reset of the whole chip, RM0090 6.1.1. Levels on its pins stay, and so do the backup domain and the debug
-    /// unit's registers, except at power-on (6.1.2, 6.1.3, 38.16.3).
+    /// A reset of the whole chip, RM0090 6.1.1. Levels on its pins stay, and so do the backup
+    /// domain and the debug unit's registers, except at power-on (6.1.2, 6.1.3, 38.16.3).
     fn reset(&mut self, _at: VirtualNanos, cause: ResetCause) {
         // The description was built before, so it builds again.
         let Ok(mut fresh) = Self::build(self.model, self.late_clocks.fresh()) else { return };

@@ -1,7 +1,8 @@
 //! The SDIO: RM0090 rev 22 chapter 31, RM0390 rev 6 chapter 29, with a slot for a card.
 //!
-//! rigless has a model too. In that one commands take no time, a block must be at hand as the data path is switched on, and the
-//! data path knows no busy card. Those are where a driver waits, so here they are modelled.
+//! rigless has a model too. In that one commands take no time, a block must be at hand as the data
+//! path is switched on, and the data path knows no busy card. Those are where a driver waits, so
+//! here they are modelled.
 //!
 //! | Register or section | Behaviour | Source | Test |
 //! |---|---|---|---|
@@ -52,7 +53,8 @@ const GLOBAL: usize = 0;
 /// Words of the FIFO (31.9.15), and what its "half" flags mean (31.9.11).
 const FIFO_WORDS: usize = 32;
 const HALF: usize = 8;
-/// Clocks: of a command or a short answer, of a long answer, from a command to its answer (SD specification 4.12.4), until `CTIMEOUT`.
+/// Clocks: of a command or a short answer, of a long answer, from a command to its answer (SD
+/// specification 4.12.4), until `CTIMEOUT`.
 const COMMAND_CLOCKS: u64 = 48;
 const LONG_CLOCKS: u64 = 136;
 const ANSWER_CLOCKS: u64 = 8;
@@ -86,7 +88,8 @@ pub struct Sdio {
     /// Data lines between the port's pins and the slot: 0, 1 or 4.
     lines: u8,
     card: Option<SdCard>,
-    /// The other reading of the manual: `DBCKEND` and `DATAEND` come with the CRC status, while the card is still busy.
+    /// The other reading of the manual: `DBCKEND` and `DATAEND` come with the CRC status, while the
+    /// card is still busy.
     pub ends_before_busy: bool,
     /// Since when the card has had a clock, ns.
     clock_since_ns: Option<u64>,
@@ -122,7 +125,8 @@ impl Sdio {
         }
     }
 
-    /// Puts a card into the slot, or takes it out; the one that was in it is returned, without power.
+    /// Puts a card into the slot, or takes it out; the one that was in it is
+    /// returned, without power.
     pub fn exchange(&mut self, now_ns: u64, mut card: Option<SdCard>, is_powered: bool) -> Option<SdCard> {
         if let Some(card) = &mut card {
             card.set_power(now_ns, is_powered);

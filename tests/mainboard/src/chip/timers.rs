@@ -1,7 +1,7 @@
 //! The timers that rigless's part lacks, and the connections between timers.
 //!
-//! rigless's timer model (`soc::st::tim`) covers the timers of two manuals; this module gives it the layouts of TIM6,
-//! TIM7 and TIM9 to TIM14, from RM0090 rev 22 chapters 19 and 20.
+//! rigless's timer model (`soc::st::tim`) covers the timers of two manuals; this module gives it
+//! the layouts of TIM6, TIM7 and TIM9 to TIM14, from RM0090 rev 22 chapters 19 and 20.
 //!
 //! | Section | Behaviour | Test |
 //! |---|---|---|
@@ -35,7 +35,8 @@ use rigless::time::{EventId, VirtualNanos};
 /// The request output that reports a timer's trigger output, after those for DMA (0 to 6).
 pub const TRIGGER_OUTPUT: usize = 7;
 
-/// The timers whose trigger outputs each timer receives on ITR0 to ITR3: RM0090 tables 93, 94 and 101.
+/// The timers whose trigger outputs each timer receives on ITR0 to ITR3: RM0090
+/// tables 93, 94 and 101.
 pub const MASTERS: [(&str, [&str; 4]); 8] = [
     ("TIM1", ["TIM5", "TIM2", "TIM3", "TIM4"]),
     ("TIM8", ["TIM1", "TIM2", "TIM4", "TIM5"]),
@@ -47,8 +48,8 @@ pub const MASTERS: [(&str, [&str; 4]); 8] = [
     ("TIM12", ["TIM4", "TIM5", "", ""]),
 ];
 
-/// Facts from the manual and the errata sheet that all timers share. A timer wakes the run only while its events have a
-/// receiver, which changes the speed only.
+/// Facts from the manual and the errata sheet that all timers share. A timer wakes the run only
+/// while its events have a receiver, which changes the speed only.
 static PART: Part = Part { wakeups: Wakeups::WhenSeen, ..stm32f427::PART };
 
 macro_rules! family {
@@ -60,7 +61,8 @@ macro_rules! family {
         impl Family for $name {
             type Register = $registers::Register;
             type Instance = Counter;
-            // The registers of all timers stand at the same offsets (tables 99 to 103); some have fewer.
+            // The registers of all timers stand at the same offsets (tables 99 to 103);
+            // some have fewer.
             const PART: &'static Part = &PART;
             const KINDS: &'static [Kind] = &[$kind];
             $($more)*
@@ -134,7 +136,8 @@ pub struct Linked<F: Family> {
 struct Rest {
     since: VirtualNanos,
     count: u64,
-    /// Ticks from one update to the next. It is the reload register's value, as a rest begins right after an update.
+    /// Ticks from one update to the next. It is the reload register's value, as a rest begins right
+    /// after an update.
     period: u64,
     cr1: u64,
 }
@@ -177,10 +180,11 @@ impl<F: Family> Linked<F> {
         Self { tim, masters, level: Level::Low, pulses: 0, touched, clock_hz, places, resting: None }
     }
 
-    /// Stops a timer whose events have no receiver. A timer that reports updates to a slave wakes the run at each of
-    /// them, even without an interrupt and while the firmware accesses neither timer: a million times a second for a
-    /// step timer between two motions. So after a millisecond without an access such a timer stops, and the next access
-    /// sets the count that it would have reached, and its update flag. Only the slave misses the updates in between.
+    /// Stops a timer whose events have no receiver. A timer that reports updates to a slave wakes
+    /// the run at each of them, even without an interrupt and while the firmware accesses neither
+    /// timer: a million times a second for a step timer between two motions. So after a millisecond
+    /// without an access such a timer stops, and the next access sets the count that it would have
+    /// reached, and its update flag. Only the slave misses the updates in between.
     fn rest(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         let Some(rows) = self.rows() else { return };
         let cr1 = registers.get(rows.cr1);
@@ -195,7 +199,8 @@ impl<F: Family> Linked<F> {
         }
     }
 
-    /// Sets a resting timer to the count that it would have reached, before an access of the firmware.
+    /// Sets a resting timer to the count that it would have reached, before an access
+    /// of the firmware.
     fn wake(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.touched = context.now();
         let (Some(rest), Some(rows)) = (self.resting.take(), self.rows()) else { return };

@@ -1,12 +1,13 @@
-//! The USB OTG full-speed core in device mode: RM0090 chapter 34 (F405, F407) and RM0390 chapter 31 (F446).
+//! The USB OTG full-speed core in device mode: RM0090 chapter 34 (F405, F407) and RM0390
+//! chapter 31 (F446).
 //!
-//! The firmware sees registers and FIFOs; a host drives the other side between two accesses, through
-//! [`bus_side::Port`].
+//! The firmware sees registers and FIFOs; a host drives the other side between two accesses,
+//! through [`bus_side::Port`].
 //!
-//! A chip puts [`PERIPHERAL`] on its bus in place of rigless's four instances, connects its clock to the tree's 48 MHz
-//! output (`clocked_by("OTG_FS_GLOBAL", Clock::output("RCC", rcc::PLL48))`), and lets EXTI read request [`WAKEUP`]. A
-//! run drives the host with the registers and context that `Bus::drive` lends for the slot: `host.advance(now_ns, &mut
-//! otg.port(registers, &mut context))`.
+//! A chip puts [`PERIPHERAL`] on its bus in place of rigless's four instances, connects its clock
+//! to the tree's 48 MHz output (`clocked_by("OTG_FS_GLOBAL", Clock::output("RCC", rcc::PLL48))`),
+//! and lets EXTI read request [`WAKEUP`]. A run drives the host with the registers and context that
+//! `Bus::drive` lends for the slot: `host.advance(now_ns, &mut otg.port(registers, &mut context))`.
 //!
 //! | Register or section | Behaviour | Source | Test |
 //! |---|---|---|---|
@@ -75,7 +76,8 @@ use complaint::Complaint;
 use fields as f;
 use fifo::{Receive, Transmit};
 
-/// Position of the core's interrupt (67) in [`PERIPHERAL`]'s list; position 0 is the wakeup, which EXTI raises.
+/// Position of the core's interrupt (67) in [`PERIPHERAL`]'s list; position 0 is the wakeup,
+/// which EXTI raises.
 pub const OTG_FS: usize = 1;
 /// The request that a resume pulses: EXTI line 18, OTG_FS wakeup.
 pub const WAKEUP: usize = 0;
@@ -161,7 +163,8 @@ pub struct Otg {
 rigless::store!(Otg);
 
 impl Otg {
-    /// The core of a chip without a cable; its 48 MHz clock is stopped until the clock tree drives it.
+    /// The core of a chip without a cable; its 48 MHz clock is stopped until the
+    /// clock tree drives it.
     #[must_use]
     pub fn new(core: Core) -> Self {
         Self {

@@ -1,11 +1,11 @@
-//! Runs a program that talks to its debugger: benchmarks and tests for a board, which print by semihosting (an Arm
-//! specification) and end themselves.
+//! Runs a program that talks to its debugger: benchmarks and tests for a board, which print by
+//! semihosting (an Arm specification) and end themselves.
 //!
-//! With as many instructions per second as their timer has ticks, they count instructions, exactly and the same on
-//! every computer.
+//! With as many instructions per second as their timer has ticks, they count instructions, exactly
+//! and the same on every computer.
 //!
-//! The emulator itself serves the console and the exit call; [`debugger`] serves files and the command line and stops at a
-//! hard fault; [`log`] shows the program's log.
+//! The emulator itself serves the console and the exit call; [`debugger`] serves files and the
+//! command line and stops at a hard fault; [`log`] shows the program's log.
 
 mod debugger;
 mod log;
@@ -43,7 +43,8 @@ pub struct Count {
 }
 
 impl Count {
-    /// Runs the program and passes its output to standard output. True if the program reports success.
+    /// Runs the program and passes its output to standard output. True if the program
+    /// reports success.
     ///
     /// # Errors
     /// A file cannot be read, the program does not end, or the emulator failed.

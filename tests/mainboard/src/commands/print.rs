@@ -28,7 +28,8 @@ pub struct Print {
     /// The desk's trace of the same file (`ferrostep print --trace`), to compare with the pins.
     #[arg(long, value_name = "TRACE")]
     desk_trace: Option<PathBuf>,
-    /// Let the firmware measure its step interrupt and its planning in cycles of the chip's counter (M798).
+    /// Let the firmware measure its step interrupt and its planning in cycles of the
+    /// chip's counter (M798).
     #[arg(long)]
     measure: bool,
     /// Stop the job after this much virtual time, s.
@@ -100,12 +101,13 @@ pub struct Outcome {
     pub image_sha256: String,
     /// The error or limit that stopped the job, if any.
     pub stopped: Option<String>,
-    /// Digest of the order of steps from the pins' edges: of the steps after the last homing in the desk's trace, or of
-    /// all steps without a trace.
+    /// Digest of the order of steps from the pins' edges: of the steps after the last homing in the
+    /// desk's trace, or of all steps without a trace.
     pub pin_order_digest: String,
     /// The same digest of the desk's trace.
     pub desk_order_digest: Option<String>,
-    /// True if every step of the desk appeared on the pins, in its order, and none later than the bound; `None` without a trace.
+    /// True if every step of the desk appeared on the pins, in its order, and none later than the
+    /// bound; `None` without a trace.
     pub agrees: Option<bool>,
     /// The first difference, or the latest step, in words.
     pub difference: Option<String>,

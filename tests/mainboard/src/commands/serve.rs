@@ -34,8 +34,9 @@ pub struct Serve {
     /// Virtual seconds per real second; a computer that is too slow for it delays the printer.
     #[arg(long, default_value_t = 1.0)]
     speed: f64,
-    /// Damages what the host sends, at once or from @SECONDS of the printer on: drop:RATE or flip:RATE (of the bytes), drop-line:RATE or
-    /// flip-line:RATE (of the lines), with RATE such as 1%. Can be repeated.
+    /// Damages what the host sends, at once or from @SECONDS of the printer on: drop:RATE or
+    /// flip:RATE (of the bytes), drop-line:RATE or flip-line:RATE (of the lines), with RATE such as
+    /// 1%. Can be repeated.
     #[arg(long, value_name = "KIND[@SECONDS]", value_parser = damage)]
     fault: Vec<Damage>,
 }
@@ -80,7 +81,8 @@ const PACE_NS: u64 = 1_000_000;
 /// Maximum bytes that are taken from the host at once.
 const MAX_READ: usize = 4096;
 
-/// Maximum delay that the machine catches up. A larger one stays: a host would see a printer that races.
+/// Maximum delay that the machine catches up. A larger one stays: a host would see a
+/// printer that races.
 const PATIENCE: Duration = Duration::from_millis(100);
 
 impl HostBridge {
@@ -132,7 +134,8 @@ impl Serve {
     /// Serves until a signal interrupts it.
     ///
     /// # Errors
-    /// The line is in use, a file cannot be read, the files contradict each other, or the line broke.
+    /// The line is in use, a file cannot be read, the files contradict each other,
+    /// or the line broke.
     pub fn run(&self) -> Result<bool, String> {
         if !(self.speed > 0.0 && self.speed.is_finite()) {
             return Err(format!("--speed {}: write a number above 0; 1 is real time", self.speed));

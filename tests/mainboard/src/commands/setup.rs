@@ -74,8 +74,8 @@ impl Setup {
     /// Reads the files and builds the machine.
     ///
     /// # Errors
-    /// A file cannot be read, the board contradicts its chip, or the image is for another board; the text names the
-    /// file.
+    /// A file cannot be read, the board contradicts its chip, or the image is for another board;
+    /// the text names the file.
     pub fn load(&self) -> Result<LoadedSetup, String> {
         let board = Board::read(&self.board).map_err(|error| error.to_string())?;
         let config = self.board.parent().unwrap_or(Path::new(".")).join("..");

@@ -1,13 +1,14 @@
 //! Compares the pins' events with the desk's.
 //!
-//! The order must be the same from the first event to the last. Times are compared run by run: while the queue holds
-//! moves, the chip makes events at the desk's intervals, and only a delayed interrupt makes an event late. After the
-//! queue has run empty, the next move starts when it arrives, which the desk cannot know: a new run begins. Within a
-//! run the event with the smallest difference (pin - desk) is punctual; the latency of another event is its difference
+//! The order must be the same from the first event to the last. Times are compared run by run:
+//! while the queue holds moves, the chip makes events at the desk's intervals, and only a delayed
+//! interrupt makes an event late. After the queue has run empty, the next move starts when it
+//! arrives, which the desk cannot know: a new run begins. Within a run the event with the
+//! smallest difference (pin - desk) is punctual; the latency of another event is its difference
 //! minus the smallest one.
 //!
-//! A latency has no sign: an event that is too early makes all others of its run late. A delay of the whole run is
-//! invisible.
+//! A latency has no sign: an event that is too early makes all others of its run late. A delay of
+//! the whole run is invisible.
 
 use serde::{Deserialize, Serialize};
 
@@ -23,9 +24,9 @@ pub const HISTOGRAM_NS: [u64; 13] =
 pub struct Rules {
     /// A gap of the desk as long as this ends a run, ns.
     pub rest_ns: u64,
-    /// A gap of the desk as long as this ends a run if the pins' gap differs from it by more than `latency_bound_ns`,
-    /// ns. A delay longer than the bound goes unnoticed in such a gap: choose it longer than any interval within a fast
-    /// move.
+    /// A gap of the desk as long as this ends a run if the pins' gap differs from it by more than
+    /// `latency_bound_ns`, ns. A delay longer than the bound goes unnoticed in such a gap: choose
+    /// it longer than any interval within a fast move.
     pub pause_ns: u64,
     /// Latencies above this count as too late, ns.
     pub latency_bound_ns: u64,
@@ -120,8 +121,8 @@ pub struct Comparison {
     pub first_too_late: Option<Late>,
     /// Number of events later than the bound.
     pub too_late: usize,
-    /// Number of events by latency: bin i counts those up to `HISTOGRAM_NS[i]` and above the bin before; the last bin
-    /// counts the rest.
+    /// Number of events by latency: bin i counts those up to `HISTOGRAM_NS[i]` and above the bin
+    /// before; the last bin counts the rest.
     pub histogram: [u64; HISTOGRAM_NS.len() + 1],
     /// The largest difference between an interval on the pins and the desk's, within the runs, ns.
     pub largest_disagreement_ns: u64,

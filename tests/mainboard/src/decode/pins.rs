@@ -78,8 +78,9 @@ struct Motor {
 
 /// Decodes edges in the order of time into step events.
 ///
-/// A pin's first edge also shows its level before. A motor is off until its enable pin goes low, because drivers pull
-/// it high. Steps of a motor that is off belong to the order but move nothing; they are counted separately.
+/// A pin's first edge also shows its level before. A motor is off until its enable pin goes low,
+/// because drivers pull it high. Steps of a motor that is off belong to the order but move nothing;
+/// they are counted separately.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Decoder {
     wires: Vec<MotorWires>,
@@ -97,8 +98,9 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// A decoder for a board's motors x, y, z and e with a printer's signals. Steps of different motors within
-    /// `event_window_ns` after the first are one event: the firmware stores to one port after the other.
+    /// A decoder for a board's motors x, y, z and e with a printer's signals. Steps of different
+    /// motors within `event_window_ns` after the first are one event: the firmware stores to one
+    /// port after the other.
     #[must_use]
     pub fn new(board: &Board, printer: &Printer, event_window_ns: u64) -> Self {
         let inverted = printer.signals.inverted;
@@ -159,7 +161,8 @@ impl Decoder {
     fn direction_edge(&mut self, index: usize, at_ns: u64, high: bool) {
         let motor = &mut self.motors[index];
         if motor.direction_high == high {
-            // The first edge may repeat a level that the pin always had: only edges after a step count.
+            // The first edge may repeat a level that the pin always had: only edges
+            // after a step count.
             self.repeated_levels += u64::from(motor.last_step_ns.is_some());
             return;
         }
@@ -261,8 +264,8 @@ impl Decoder {
         self.smallest
     }
 
-    /// The number of edges to the level that the pin already had: an edge in between was lost, or the caller reports
-    /// levels.
+    /// The number of edges to the level that the pin already had: an edge in between was lost, or
+    /// the caller reports levels.
     #[must_use]
     pub fn repeated_levels(&self) -> u64 {
         self.repeated_levels

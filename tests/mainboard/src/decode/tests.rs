@@ -20,7 +20,8 @@ fn wires(motor: u8, inverted: bool) -> MotorWires {
     MotorWires { step: at(0), direction: at(1), enable: at(2), inverted }
 }
 
-/// Four motors with pins on ports A to D, step 0, direction 1, enable 2; both edges step; z is inverted.
+/// Four motors with pins on ports A to D, step 0, direction 1, enable 2; both edges
+/// step; z is inverted.
 fn decoder(both_edges: bool) -> Decoder {
     Decoder::with_wires((0..4).map(|motor| wires(motor, motor == 2)).collect(), both_edges, WINDOW_NS)
 }
@@ -219,7 +220,8 @@ fn an_empty_log_agrees_with_an_empty_trace_only() {
     assert!(!compare(&[], &desk(&[1], &[(1, 0)]), TICK_HZ, &rules).agrees());
 }
 
-/// Intervals of 2 us to 900 us with masks of motors and directions, and a jitter that keeps events apart.
+/// Intervals of 2 us to 900 us with masks of motors and directions, and a jitter that
+/// keeps events apart.
 fn motion() -> impl Strategy<Value = (Vec<u64>, Vec<(u8, u8)>, Vec<u64>)> {
     prop::collection::vec((168_u64..75_600, 1_u8..16, 0_u8..16, 0_u64..500), 2..200).prop_map(|events| {
         let intervals = events.iter().map(|event| event.0).collect();

@@ -1,8 +1,9 @@
 //! The desk's plan, as `ferrostep print --trace` writes it.
 //!
-//! One line of JSON (`format` "ferrostep-trace", `version` 1, `tick_hz`, `axes`), then records of 12 bytes, little-endian:
-//! u64 tick, u8 kind, u8 axes, u8 directions, u8 zero. Kind 0: these axes step. Kind 1: positions are redefined; one i32 for
-//! each name in `axes` follows. Kind 2: a move has ended; the u32 number of its source line follows.
+//! One line of JSON (`format` "ferrostep-trace", `version` 1, `tick_hz`, `axes`), then records of
+//! 12 bytes, little-endian: u64 tick, u8 kind, u8 axes, u8 directions, u8 zero. Kind 0: these axes
+//! step. Kind 1: positions are redefined; one i32 for each name in `axes` follows. Kind 2: a move
+//! has ended; the u32 number of its source line follows.
 
 use serde::{Deserialize, Serialize};
 
@@ -33,7 +34,8 @@ pub struct TraceStep {
     pub axes: u8,
     /// The motors that step backwards.
     pub directions: u8,
-    /// Source line of the move that ends next; 0 for the steps before a redefinition (homing) and after the last move.
+    /// Source line of the move that ends next; 0 for the steps before a redefinition (homing) and
+    /// after the last move.
     pub line: u32,
 }
 
@@ -132,8 +134,8 @@ impl Trace {
         order_digest(self.steps.iter().map(|step| (step.axes, step.directions)))
     }
 
-    /// The steps after the last redefinition of positions. The steps of homing depend on the machine's start, so they
-    /// cannot be compared.
+    /// The steps after the last redefinition of positions. The steps of homing depend on the
+    /// machine's start, so they cannot be compared.
     #[must_use]
     pub fn steps_after_homing(&self) -> &[TraceStep] {
         let from = self.redefined.last().map_or(0, |redefined| redefined.before_step);

@@ -27,8 +27,8 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// Reads files below the repository's root: `config/boards/NAME.toml`, its profile, `target/images/NAME/ferrostep.elf` and
-    /// the cube.
+    /// Reads files below the repository's root: `config/boards/NAME.toml`, its profile,
+    /// `target/images/NAME/ferrostep.elf` and the cube.
     ///
     /// # Errors
     /// A file cannot be read or is malformed; the text names it.

@@ -45,8 +45,8 @@ pub struct Runs {
     pub until: Option<Instant>,
 }
 
-/// The operator of a run: makes the fault happen, plays the host and watches. An operator owns its data, so bench and
-/// starting point are leaked.
+/// The operator of a run: makes the fault happen, plays the host and watches. An operator owns its
+/// data, so bench and starting point are leaked.
 struct FaultRun {
     side: HostSide,
     injection: Injection,
@@ -102,7 +102,8 @@ pub struct Campaign {
 }
 
 impl Campaign {
-    /// Leads the printer through all states once. Bench and starting points are leaked: they live until the program ends.
+    /// Leads the printer through all states once. Bench and starting points are leaked: they live
+    /// until the program ends.
     ///
     /// # Errors
     /// The printer does not reach all states.
@@ -156,7 +157,8 @@ impl Campaign {
         Ok(watch.outcome(finished.machine(), side, seed, detail, resets, operator.now_ns))
     }
 
-    /// Executes a series of runs and returns the outcomes in the order of their seeds; calls `progress` after each run.
+    /// Executes a series of runs and returns the outcomes in the order of their seeds; calls
+    /// `progress` after each run.
     pub fn runs(&self, runs: Runs, progress: impl Fn(usize, &Outcome) + Sync) -> Vec<Outcome> {
         let Runs { count, seed, threads, wanted, until } = runs;
         let mut random = Random::new(seed);

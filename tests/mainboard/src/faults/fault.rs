@@ -101,7 +101,8 @@ pub enum Fault {
     ConverterStands,
     /// The converters are switched off once.
     ConverterHiccup,
-    /// The DMA stream from the converters is switched off, and again within 0.5 ms if the firmware switches it on.
+    /// The DMA stream from the converters is switched off, and again within 0.5 ms if the
+    /// firmware switches it on.
     TransferStands,
     /// The DMA stream from the converters ends once.
     TransferHiccup,
@@ -125,8 +126,8 @@ pub enum Fault {
 
 /// All faults: name, fault, and share of a campaign's runs.
 ///
-/// The shares follow cost and interest: bit flips are frequent, faults that take minutes of the printer's time are
-/// rare.
+/// The shares follow cost and interest: bit flips are frequent, faults that take minutes of the
+/// printer's time are rare.
 pub const ALL: [(&str, Fault, u32); 45] = [
     ("control", Fault::Control, 10),
     ("crystal-stops", Fault::CrystalStops, 20),

@@ -1,4 +1,5 @@
-//! The host of a run with a fault: sends a file, polls temperatures while idle, and reconnects after a reset.
+//! The host of a run with a fault: sends a file, polls temperatures while idle, and
+//! reconnects after a reset.
 
 use crate::host::{Heard, LineKind, Options, Stream};
 use crate::machine::{HOST_PORT, Machine};

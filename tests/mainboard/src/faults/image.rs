@@ -1,5 +1,5 @@
-//! The addresses of an image's code, variables and handlers, from its ELF file (System V ABI, chapter 4; ARM's
-//! supplement).
+//! The addresses of an image's code, variables and handlers, from its ELF file (System V ABI,
+//! chapter 4; ARM's supplement).
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -9,9 +9,11 @@ use crate::wiring::Board;
 const SHT_SYMTAB: u32 = 2;
 const SHF_ALLOC: u32 = 1 << 1;
 const SYMBOL_BYTES: usize = 16;
-/// The part of the stack that may be in use, bytes; it lies below the static variables or at the end of the memory.
+/// The part of the stack that may be in use, bytes; it lies below the static variables or at the
+/// end of the memory.
 const STACK_BYTES: u64 = 4096;
-/// The first handler in the vector table: entries 0 and 1 are the initial stack pointer and the reset.
+/// The first handler in the vector table: entries 0 and 1 are the initial stack
+/// pointer and the reset.
 const FIRST_HANDLER: u64 = 2;
 
 /// A function or a variable.

@@ -294,7 +294,8 @@ impl Injection {
             ThermistorFault::Short => (SensorFault::Short, String::new()),
             ThermistorFault::SlippedOut => {
                 let seconds = self.random.between(2, 15);
-                // Fully out of its hole: the firmware cannot detect one that is half out, as the documentation says.
+                // Fully out of its hole: the firmware cannot detect one that is half out, as the
+                // documentation says.
                 let coupling = self.random.unit() * 0.05;
                 let fault =
                     SensorFault::SlippedOut { since_ns: now_ns, time_constant_ns: seconds * 1_000_000_000, coupling };

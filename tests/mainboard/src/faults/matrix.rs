@@ -16,7 +16,8 @@ pub struct Cell {
     pub runs: usize,
     /// The number of runs whose machine has no such part.
     pub without: usize,
-    /// The longest time that heaters had power after the fault, ms, among the runs in which they went off.
+    /// The longest time that heaters had power after the fault, ms, among the runs in
+    /// which they went off.
     pub worst_off_ms: f64,
     /// The number of runs in which heaters with power went off.
     pub off: usize,
@@ -74,8 +75,8 @@ impl Matrix {
         Self { cells: rows }
     }
 
-    /// A table for people. Each cell has the longest time until heaters were off, the number of runs in which they went
-    /// off, resets after `R`, and violations after an exclamation mark.
+    /// A table for people. Each cell has the longest time until heaters were off, the number of
+    /// runs in which they went off, resets after `R`, and violations after an exclamation mark.
     #[must_use]
     pub fn text(&self) -> String {
         let mut text = format!("{:<30}", "fault");

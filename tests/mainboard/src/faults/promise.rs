@@ -1,7 +1,8 @@
-//! The promises of the documentation (docs/src/safety.md, docs/src/drivers.md) for each fault, and their times.
+//! The promises of the documentation (docs/src/safety.md, docs/src/drivers.md) for each fault,
+//! and their times.
 //!
-//! Each time is the documented number plus a tolerance: the control samples every 10 ms, the median of five and the
-//! converter's cycle take some more, and the firmware polls drivers twice a second.
+//! Each time is the documented number plus a tolerance: the control samples every 10 ms, the median
+//! of five and the converter's cycle take some more, and the firmware polls drivers twice a second.
 
 use super::fault::{Block, DriverFault, Fault, SupplyFault, ThermistorFault};
 use super::state::{HEATER_TIMEOUT_S, State};
@@ -31,7 +32,8 @@ pub enum What {
     Reset,
     /// The printer continues as without the fault for this time.
     GoesOn,
-    /// No specific reaction within the watched time: the heat stays controlled, or the heaters are off.
+    /// No specific reaction within the watched time: the heat stays controlled, or the
+    /// heaters are off.
     Controlled,
 }
 
@@ -60,7 +62,8 @@ const fn row(
     Promise { when, what, within_ms, expected_texts, source }
 }
 
-/// Maximum silence of a live printer, ms: the watchdog's longest time after a planner that is silent for a second.
+/// Maximum silence of a live printer, ms: the watchdog's longest time after a planner that is
+/// silent for a second.
 pub const MAX_SILENCE_MS: u64 = 6_900 + 500;
 
 const WATCHED: Promise = row(When::Always, What::Controlled, 2_000, &[], "nothing is promised");
@@ -125,7 +128,8 @@ pub fn rows(fault: Fault) -> &'static [Promise] {
             )];
             &ROWS
         }
-        // The chip of a driver keeps running above 4 V: its capacitors decide whether a dip clears its registers.
+        // The chip of a driver keeps running above 4 V: its capacitors decide whether a dip
+        // clears its registers.
         Fault::MotorSupply(SupplyFault::Sags | SupplyFault::Dips) => &SAGS,
         Fault::MotorSupply(_) => &DRIVER,
         Fault::ChipSupply(_) => &BROWN_OUT,

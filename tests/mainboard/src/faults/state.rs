@@ -1,4 +1,5 @@
-//! The states of a printer in which faults occur, and a run through all of them that takes a snapshot in each.
+//! The states of a printer in which faults occur, and a run through all of them that takes a
+//! snapshot in each.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -15,7 +16,8 @@ use crate::run::{self, Operator, Options, Turn};
 const SECOND: u64 = 1_000_000_000;
 /// Targets of nozzle and bed, degrees Celsius.
 pub const TARGETS_CELSIUS: [f64; 2] = [200.0, 40.0];
-/// Time without a host after which the heaters go off, s: set by M86, so that a run need not last half an hour.
+/// Time without a host after which the heaters go off, s: set by M86, so that a run need not
+/// last half an hour.
 pub const HEATER_TIMEOUT_S: u64 = 30;
 
 /// S of the G4 of [`State::Waiting`].
@@ -98,12 +100,13 @@ pub struct StartingPoint {
     pub snapshot: Snapshot,
     /// The host's state at that instant.
     pub host: HostSide,
-    /// The motors' positions X, Y, Z minus the position that the printer reports, mm, when it stands still after
-    /// homing.
+    /// The motors' positions X, Y, Z minus the position that the printer reports, mm, when it
+    /// stands still after homing.
     pub offset_mm: [f64; 3],
 }
 
-/// The moves of a job without heating and homing, with a request for the temperature after every eighth.
+/// The moves of a job without heating and homing, with a request for the temperature
+/// after every eighth.
 #[must_use]
 pub fn moves(job: &str) -> Vec<String> {
     let mut lines = Vec::new();
@@ -175,7 +178,8 @@ struct StateTour {
     refused: Option<String>,
 }
 
-/// Lines whose instant of sending is recorded. Each is sent after the line before it is acknowledged.
+/// Lines whose instant of sending is recorded. Each is sent after the line before it
+/// is acknowledged.
 const MARKS: [&str; 4] = ["G28", "G4", "G92", "M112"];
 
 impl StateTour {
@@ -305,7 +309,8 @@ impl Operator for StateTour {
 /// Leads the printer through all states once.
 ///
 /// # Errors
-/// The printer does not reach all states, or a snapshot cannot be written to this folder, which is left unchanged.
+/// The printer does not reach all states, or a snapshot cannot be written to this folder, which
+/// is left unchanged.
 pub fn starting_points(bench: &Bench, folder: &Path) -> Result<Vec<StartingPoint>, String> {
     let options = Options { boot: bench.boot, ..Options::default() };
     let guide = StateTour::new(moves(&bench.job));

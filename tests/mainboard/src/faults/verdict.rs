@@ -13,7 +13,8 @@ use crate::parts::heat::HeaterFault;
 use crate::parts::motion::sheet::ProbeFault;
 
 const MILLISECOND: u64 = 1_000_000;
-/// Heaters off for this long after an alarm are off for good: a slow pulse lasts a tenth of a second.
+/// Heaters off for this long after an alarm are off for good: a slow pulse lasts a
+/// tenth of a second.
 const OFF_FOR_NS: u64 = 1_200 * MILLISECOND;
 /// A printer silent for this long does not answer: it reports temperatures each second.
 const SILENT_NS: u64 = 1_600 * MILLISECOND;
@@ -21,7 +22,8 @@ const SILENT_NS: u64 = 1_600 * MILLISECOND;
 const WATCHED_NS: u64 = 12_000 * MILLISECOND;
 /// A block may exceed its maximum by this, degrees Celsius: its thermistor lags.
 const MARGIN_CELSIUS: f64 = 15.0;
-/// A motor further than this from its position has lost steps, in 1/256 of a full step: four full steps.
+/// A motor further than this from its position has lost steps, in 1/256 of a full step:
+/// four full steps.
 const LOST_256: i64 = 1023;
 /// Maximum difference between an axis's reported and true position, mm.
 const MISPLACED_MM: f64 = 0.5;
@@ -41,7 +43,8 @@ pub struct Outcome {
     pub detail: String,
     /// The machine has no such part: the fault did not happen.
     pub without: bool,
-    /// Time from the fault until heaters had power for the last time, ms; `None` if they still have power at the end.
+    /// Time from the fault until heaters had power for the last time, ms; `None` if they still have
+    /// power at the end.
     pub heaters_off_ms: Option<f64>,
     /// True if heaters had power or a target at the fault.
     pub was_hot: bool,
@@ -67,8 +70,8 @@ pub struct Watch {
     fault: Fault,
     at_ns: u64,
     last_on_ns: Option<u64>,
-    /// Last step, or end of the wait, ns: queued motion and the command under way go on after the host has gone and count as use, so
-    /// the time of a promise begins at their end.
+    /// Last step, or end of the wait, ns: queued motion and the command under way go on after the
+    /// host has gone and count as use, so the time of a promise begins at their end.
     used_ns: u64,
     /// End of the state's G4, ns.
     dwelt_ns: u64,
@@ -207,7 +210,8 @@ impl Watch {
         side.temperatures(since_ns).is_some_and(|said| said.celsius[1] > 0.0 || said.celsius[3] > 0.0)
     }
 
-    /// True if something is out of the ordinary: silence, alarms, or targets that the host did not set.
+    /// True if something is out of the ordinary: silence, alarms, or targets that the
+    /// host did not set.
     fn is_odd(&self, side: &HostSide, now_ns: u64) -> bool {
         let silent = side.is_there() && side.silent_ns(now_ns) > SILENT_NS;
         let targets = match self.state {

@@ -1,6 +1,7 @@
 //! A host that prints a file line by line, by the `ok` protocol.
 //!
-//! Sources: RepRap's "G-code" page (replies, N and *), and the behaviour of OctoPrint and Pronterface with Marlin.
+//! Sources: RepRap's "G-code" page (replies, N and *), and the behaviour of OctoPrint and
+//! Pronterface with Marlin.
 //!
 //! | Covered | |
 //! |---|---|
@@ -12,8 +13,8 @@
 //! | `start` | a problem after the first line was sent: the printer was reset, and sending ends |
 //! | `Error:`, `!!` | collected, including the error of a resend |
 //!
-//! Left out: sending after a reset, resends of unnumbered lines, prompts (`//action:`), and more than one line from
-//! `ADVANCED_OK`'s counters.
+//! Left out: sending after a reset, resends of unnumbered lines, prompts (`//action:`), and more
+//! than one line from `ADVANCED_OK`'s counters.
 
 use std::collections::VecDeque;
 
@@ -24,8 +25,9 @@ use serde::{Deserialize, Serialize};
 pub struct Options {
     /// Lines carry numbers and checksums.
     pub numbered: bool,
-    /// Maximum number of unacknowledged lines; at least 1. With more than 1 a resend waits until the printer has been
-    /// silent for `settle_ns`, because every unacknowledged line asks for the same resend.
+    /// Maximum number of unacknowledged lines; at least 1. With more than 1 a resend waits until
+    /// the printer has been silent for `settle_ns`, because every unacknowledged line asks for
+    /// the same resend.
     pub window: usize,
     /// The host waits for the printer's `start` before the first line.
     pub wait_for_start: bool,
@@ -118,8 +120,8 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// A host for these lines. Comments and empty lines are not sent: a printer acknowledges no empty line. With
-    /// numbers, `M110 N0` goes first.
+    /// A host for these lines. Comments and empty lines are not sent: a printer acknowledges no
+    /// empty line. With numbers, `M110 N0` goes first.
     #[must_use]
     pub fn new<T: AsRef<str>>(lines: impl IntoIterator<Item = T>, options: Options) -> Self {
         let mut stream = Self {
@@ -155,8 +157,8 @@ impl Stream {
         }
     }
 
-    /// Sends a line next, without a number, even if others are unacknowledged: M108, M112, M410. The printer
-    /// acknowledges it like any other.
+    /// Sends a line next, without a number, even if others are unacknowledged: M108, M112, M410.
+    /// The printer acknowledges it like any other.
     pub fn push_urgent(&mut self, line: &str) {
         self.urgent.extend(without_comment(line));
     }
@@ -230,7 +232,8 @@ impl Stream {
             return;
         }
         match usize::try_from(number) {
-            // The printer may ask for the line after the last one sent, if the line that it refused was a duplicate.
+            // The printer may ask for the line after the last one sent, if the line that it refused
+            // was a duplicate.
             Ok(index) if index <= self.next && index >= self.acknowledged => {
                 self.next = index;
                 self.acknowledged = index;
@@ -248,7 +251,8 @@ impl Stream {
         self.problems.push(Problem { at_ns, text });
     }
 
-    /// The next line to send now, with its end; `None` until one is due. Call it until it returns `None`.
+    /// The next line to send now, with its end; `None` until one is due. Call it until
+    /// it returns `None`.
     pub fn to_send(&mut self, now_ns: u64) -> Option<Vec<u8>> {
         if self.reset || (self.options.wait_for_start && !self.started) {
             return None;

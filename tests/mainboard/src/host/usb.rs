@@ -1,8 +1,9 @@
-//! The host at the other end of the USB cable: enumerates a serial port and transfers bytes, in virtual time.
+//! The host at the other end of the USB cable: enumerates a serial port and transfers bytes,
+//! in virtual time.
 //!
-//! The run asks [`UsbHost::next_event_ns`] when the host next needs the bus, advances to that instant, and calls
-//! [`UsbHost::advance`]. One transaction, start of frame or change of the bus happens at a time, so the chip runs
-//! between them as it does on a desk.
+//! The run asks [`UsbHost::next_event_ns`] when the host next needs the bus, advances to that
+//! instant, and calls [`UsbHost::advance`]. One transaction, start of frame or change of the bus
+//! happens at a time, so the chip runs between them as it does on a desk.
 //!
 //! | Behaviour | Source | Test |
 //! |---|---|---|
@@ -15,8 +16,9 @@
 //! | Cable out, suspend, reset in mid-transfer | USB 2.0 7.1.7 | `the_cable_may_be_unplugged_and_plugged_again`, `suspend_stops_the_frames`, `a_reset_enumerates_again` |
 //! | Four attempts at a device that fails, then its name and the reason | Linux `hub.c` | `a_device_that_keeps_failing_is_refused`, `another_class_is_refused_by_name` |
 //!
-//! Left out: hubs, other speeds, isochronous and bulk transfers of other classes, the meaning of CDC notifications (they
-//! are polled, counted and dropped), bandwidth of other devices, bit errors other than lost handshakes, remote wakeup.
+//! Left out: hubs, other speeds, isochronous and bulk transfers of other classes, the meaning of
+//! CDC notifications (they are polled, counted and dropped), bandwidth of other devices, bit errors
+//! other than lost handshakes, remote wakeup.
 
 use std::collections::VecDeque;
 
@@ -52,7 +54,8 @@ pub struct Timing {
     pub recovery_ns: u64,
     /// Time from SET_ADDRESS to the next request, 2 ms or more.
     pub address_ns: u64,
-    /// Time from a NAK to the next attempt. Real hosts poll more often, but each attempt interrupts the run.
+    /// Time from a NAK to the next attempt. Real hosts poll more often, but each attempt
+    /// interrupts the run.
     pub nak_retry_ns: u64,
     /// Time limit of a request that the device NAKs.
     pub request_ns: u64,
@@ -229,7 +232,8 @@ impl UsbHost {
         }
     }
 
-    /// Plugs the cable in at the next [`UsbHost::advance`], which also executes the other requests below.
+    /// Plugs the cable in at the next [`UsbHost::advance`], which also executes the
+    /// other requests below.
     pub fn plug(&mut self) {
         self.commands.push_back(Command::Plug);
     }
@@ -254,7 +258,8 @@ impl UsbHost {
         self.commands.push_back(Command::Reset);
     }
 
-    /// Loses the handshake of this many of the next bulk transactions, so that their packets are sent twice.
+    /// Loses the handshake of this many of the next bulk transactions, so that their
+    /// packets are sent twice.
     pub fn lose_handshakes(&mut self, count: u32) {
         self.lose_handshakes += count;
     }
@@ -309,8 +314,8 @@ impl UsbHost {
         &self.strings
     }
 
-    /// The next instant at which the run should call [`UsbHost::advance`], ns: never before the last call, and
-    /// `u64::MAX` while the cable is out.
+    /// The next instant at which the run should call [`UsbHost::advance`], ns: never before the
+    /// last call, and `u64::MAX` while the cable is out.
     #[must_use]
     pub fn next_event_ns(&self) -> u64 {
         if !self.commands.is_empty() {
@@ -332,7 +337,8 @@ impl UsbHost {
         }
     }
 
-    /// The first instant from `ready_ns` on at which a transaction with this many bytes fits into a frame.
+    /// The first instant from `ready_ns` on at which a transaction with this many bytes
+    /// fits into a frame.
     fn slot_ns(&self, ready_ns: u64, bytes: u64) -> u64 {
         let start = ready_ns.max(self.free_ns);
         match self.frame_ns {
@@ -341,8 +347,8 @@ impl UsbHost {
         }
     }
 
-    /// Does everything that is due by `now_ns`, in order. `bus` acts at the run's current instant, so a run that goes
-    /// from one [`UsbHost::next_event_ns`] to the next keeps exact times.
+    /// Does everything that is due by `now_ns`, in order. `bus` acts at the run's current instant,
+    /// so a run that goes from one [`UsbHost::next_event_ns`] to the next keeps exact times.
     pub fn advance(&mut self, now_ns: u64, bus: &mut impl Bus) {
         while let Some(command) = self.commands.pop_front() {
             self.now_ns = now_ns;
@@ -430,7 +436,8 @@ impl UsbHost {
         match &self.phase {
             Phase::Unplugged | Phase::Refused(_) => {}
             Phase::Waiting { .. } => {
-                // VBUS is a level, set at every poll: a chip that its reset has rebuilt must find it again.
+                // VBUS is a level, set at every poll: a chip that its reset has rebuilt
+                // must find it again.
                 bus.set_vbus(true);
                 self.phase = if bus.connected() {
                     let until_ns = now_ns + self.timing.debounce_ns;

@@ -14,8 +14,9 @@ pub struct Mailbox {
     received: VecDeque<(u64, u16)>,
     /// Words for the chip, each with the earliest instant at which it may begin, ns.
     to_send: VecDeque<(u64, u16)>,
-    /// Transmitter and receiver share one wire, so that the chip receives its own words (RM0090 30.3.10).
-    /// rigless has no half-duplex mode: here the echo of a word begins when the word ends.
+    /// Transmitter and receiver share one wire, so that the chip receives its own words
+    /// (RM0090 30.3.10). rigless has no half-duplex mode: here the echo of a word begins
+    /// when the word ends.
     one_wire: bool,
 }
 

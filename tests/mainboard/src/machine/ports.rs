@@ -58,9 +58,9 @@ impl Ports {
         (port < COUNT).then_some(port)
     }
 
-    /// Watched pins of a port that changed: the pin, its level (`None` when the chip stops driving it), and whether the
-    /// change is an edge. The driver's own resistor holds a floating pin low, so a pin that becomes a low output makes
-    /// no edge.
+    /// Watched pins of a port that changed: the pin, its level (`None` when the chip stops driving
+    /// it), and whether the change is an edge. The driver's own resistor holds a floating pin low,
+    /// so a pin that becomes a low output makes no edge.
     pub fn changes(&mut self, port: usize, registers: &RegisterFile) -> Vec<(Pin, Option<bool>, bool)> {
         let (modes, levels) = (registers.get(Register::Moder), registers.get(Register::Odr) as u16);
         let mut driven = 0u16;
@@ -81,7 +81,8 @@ impl Ports {
             .collect()
     }
 
-    /// The share of power that a timer passes through a pin, 0 to 1; `None` if no timer drives the pin.
+    /// The share of power that a timer passes through a pin, 0 to 1; `None` if no
+    /// timer drives the pin.
     pub fn timer_power(&self, chip: &Stm32f4, switched: Switched) -> Option<f64> {
         let timer = switched.timer?;
         let registers = chip.port_registers(usize::from(switched.pin.port))?;

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A store to a peripheral's register and its immediate repetitions: a program that only feeds its watchdog stores
-/// millions of times a second.
+/// A store to a peripheral's register and its immediate repetitions: a program that only feeds its
+/// watchdog stores millions of times a second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Store {
     /// First store, ns.

@@ -1,7 +1,7 @@
 //! The accelerometer ADXL345 on four wires (SPI), by edges.
 //!
-//! From the ADXL345 data sheet, revision G (Analog Devices): *Serial communications*, *Register map*, *FIFO*,
-//! *Specifications*, figures of *SPI*.
+//! From the ADXL345 data sheet, revision G (Analog Devices): *Serial communications*, *Register
+//! map*, *FIFO*, *Specifications*, figures of *SPI*.
 //!
 //! | covered | |
 //! |---|---|
@@ -11,8 +11,9 @@
 //! | at 1600 and 3200 Hz the lowest bit is 0; noise; an oscillator that is off | |
 //! | violations of the bus's times, and of the 5 us between samples, are counted ([`Violations`]) | |
 //!
-//! Left out: SPI of three wires, I2C, interrupt pins, taps, activity, offsets, self-test, low power, the trigger mode, left
-//! justification, and the filter before the converter, whose bandwidth is half of the rate.
+//! Left out: SPI of three wires, I2C, interrupt pins, taps, activity, offsets, self-test, low
+//! power, the trigger mode, left justification, and the filter before the converter, whose
+//! bandwidth is half of the rate.
 
 mod bus;
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The EEPROM AT24C32 on two open-drain wires (I2C), by edges.
 //!
-//! From the AT24C32E data sheet, DS20006109 (Microchip); times of a bus of 100 kHz from the 24AA32A/24LC32A data sheet, DS21713,
-//! table 1-2, which the AT24C32E undercuts.
+//! From the AT24C32E data sheet, DS20006109 (Microchip); times of a bus of 100 kHz from the
+//! 24AA32A/24LC32A data sheet, DS21713, table 1-2, which the AT24C32E undercuts.
 //!
 //! | covered | section |
 //! |---|---|
@@ -14,8 +14,8 @@
 //! | current address, random and sequential read, roll over at the end | 8 |
 //! | violations of the bus's times are counted ([`At24c32::violations`]) | table 1-2 |
 //!
-//! The power may go within a write: then each byte of the page is old, new, erased or random. Left out: the software reset's own
-//! sequence, of which a start is a part; wear; spikes.
+//! The power may go within a write: then each byte of the page is old, new, erased or random. Left
+//! out: the software reset's own sequence, of which a start is a part; wear; spikes.
 
 use serde::{Deserialize, Serialize};
 
@@ -25,7 +25,8 @@ use super::random::Random;
 const BYTES: usize = 4096;
 const PAGE: usize = 32;
 
-/// Shortest times, ns: high, low, hold and set-up of a start, set-up of data and of a stop, free between a stop and a start.
+/// Shortest times, ns: high, low, hold and set-up of a start, set-up of data and of a stop, free
+/// between a stop and a start.
 const HIGH_NS: u64 = 4_000;
 const LOW_NS: u64 = 4_700;
 const START_HOLD_NS: u64 = 4_000;
@@ -89,7 +90,8 @@ pub struct At24c32 {
 }
 
 impl At24c32 {
-    /// A new chip, erased, with its pins A2 to A0 as the address's lowest bits; the seed determines what a cut leaves.
+    /// A new chip, erased, with its pins A2 to A0 as the address's lowest bits; the seed determines
+    /// what a cut leaves.
     pub fn new(address: u8, seed: u64) -> Self {
         Self {
             bytes: vec![0xff; BYTES],
@@ -262,7 +264,8 @@ impl At24c32 {
     fn stop(&mut self, now_ns: u64) {
         self.stop_ns = Some(now_ns);
         let bytes = std::mem::take(&mut self.latched);
-        // The rise of the clock before the stop counts as a bit; behind a whole byte it is the first.
+        // The rise of the clock before the stop counts as a bit; behind a whole byte
+        // it is the first.
         let is_whole = self.expects == Expects::Data && self.bits <= 1;
         if is_whole && !bytes.is_empty() && !self.protected && self.plugged && self.powered {
             self.write = Some(Write { bytes, until_ns: now_ns + self.write_ns });

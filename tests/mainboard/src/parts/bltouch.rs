@@ -1,8 +1,9 @@
 //! A BLTouch: a pin beside the nozzle that a coil puts out and draws in, told by a servo's pulses.
 //!
-//! Its maker, Antclabs, describes it in the manual of the Smart V3; what is here is what the hosts that drive it know of it:
-//! Klipper's `klippy/extras/bltouch.py` and `docs/BLTouch.md`, Marlin's `Marlin/src/feature/bltouch.cpp`, and their users (Klipper issues
-//! 391 and 2267, Marlin's pull request 13814).
+//! Its maker, Antclabs, describes it in the manual of the Smart V3; what is here is what the
+//! hosts that drive it know of it: Klipper's `klippy/extras/bltouch.py` and `docs/BLTouch.md`,
+//! Marlin's `Marlin/src/feature/bltouch.cpp`, and their users (Klipper issues 391 and 2267,
+//! Marlin's pull request 13814).
 //!
 //! | behaviour | source | test |
 //! |---|---|---|
@@ -12,7 +13,8 @@
 //! | the signal is high in alarm, whichever way the pin did not go; calling it in does not end that, the release does | Marlin 13814 | `an_alarm_is_high_until_it_is_released` |
 //! | in touch mode the signal follows the pin: high while it is in or pushed in; the mode ends an alarm | Marlin 13814, Klipper | `touch_mode_follows_the_pin` |
 //!
-//! Left out: the light, the self-test of the first seconds, the output modes (5 V, open drain) and a V3's commands for them.
+//! Left out: the light, the self-test of the first seconds, the output modes (5 V, open drain) and
+//! a V3's commands for them.
 
 use serde::{Deserialize, Serialize};
 
@@ -42,8 +44,8 @@ const WIDTHS_US: [(u64, Command); 5] = [
     (2_190, Command::Release),
 ];
 
-/// Greatest difference of a pulse from its width, ns: more than the 4 us between Marlin's angles and Klipper's widths, and less than
-/// half of the 103 us from one command of the V3 to the next.
+/// Greatest difference of a pulse from its width, ns: more than the 4 us between Marlin's angles
+/// and Klipper's widths, and less than half of the 103 us from one command of the V3 to the next.
 const TOLERANCE_NS: u64 = 10_000;
 
 /// Pulses alike before it obeys; the period that they may have.

@@ -1,7 +1,8 @@
 //! A sensor that sees filament move: a wheel on the filament, and a fork that its slots pass.
 //!
-//! By BIGTREETECH's description of its smart filament sensors, whose signal changes its level each time when so much filament has passed
-//! (their readme's "detection accuracy": 2.88 mm of the second, for which a firmware is to be set to 3 mm, and 7 mm of the first).
+//! By BIGTREETECH's description of its smart filament sensors, whose signal changes its level each
+//! time when so much filament has passed (their readme's "detection accuracy": 2.88 mm of the
+//! second, for which a firmware is to be set to 3 mm, and 7 mm of the first).
 //!
 //! | what | test |
 //! |---|---|
@@ -25,7 +26,8 @@ pub struct Config {
 /// A fault on the filament's way.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum FilamentFault {
-    /// The filament stands: the spool is tangled, or the nozzle clogged, and the extruder's gear grinds.
+    /// The filament stands: the spool is tangled, or the nozzle clogged, and the
+    /// extruder's gear grinds.
     Jammed,
     /// This share of what the extruder turns does not reach the filament.
     Slips(f64),

@@ -1,7 +1,8 @@
 //! A fan with a tachometer: a rotor with inertia, two pulses a turn.
 //!
-//! A driven rotor approaches full speed, one without power stops, each with its own time constant. The tachometer is an
-//! open collector with a pull-up: high and low for a quarter turn each, at any speed.
+//! A driven rotor approaches full speed, one without power stops, each with its own time
+//! constant. The tachometer is an open collector with a pull-up: high and low for a quarter turn
+//! each, at any speed.
 //!
 //! | what | test |
 //! |---|---|
@@ -9,8 +10,8 @@
 //! | edges of the tachometer at their exact instants | `the_tachometer_*` |
 //! | stuck rotor, dead tachometer | `a_stuck_*` |
 //!
-//! Left out: a tachometer that stops between PWM pulses (a fan switched at its ground loses the tachometer's supply),
-//! speed by voltage.
+//! Left out: a tachometer that stops between PWM pulses (a fan switched at its ground loses the
+//! tachometer's supply), speed by voltage.
 
 /// Levels of the tachometer in a turn: two pulses, each a high and a low.
 const LEVELS_A_TURN: f64 = 4.0;

@@ -1,7 +1,8 @@
 //! The frame between motors and nozzle: a mass on a spring along each of X and Y.
 //!
-//! `x'' + 2 z w x' + w^2 (x - u) = 0` with the motors' position `u`, which stands still from one step to the next, so that the
-//! solution is exact at any time (a textbook's damped oscillator). At rest the mass stands at `u`.
+//! `x'' + 2 z w x' + w^2 (x - u) = 0` with the motors' position `u`, which stands still from one
+//! step to the next, so that the solution is exact at any time (a textbook's damped oscillator). At
+//! rest the mass stands at `u`.
 //!
 //! Left out: more modes than one, modes that couple X and Y, Z.
 
@@ -53,7 +54,8 @@ impl Mode {
 mod tests {
     use super::*;
 
-    /// Half a swing after a step the mass is as far beyond it as the damping leaves; the frequency is the damped one.
+    /// Half a swing after a step the mass is as far beyond it as the damping leaves; the frequency
+    /// is the damped one.
     #[test]
     fn a_step_rings_at_the_damped_frequency_and_dies_away() {
         let damping: f64 = 0.05;

@@ -1,8 +1,8 @@
 //! Heaters with their heated bodies, and thermistors ([`thermistor`]).
 //!
-//! A heated body is one mass that loses heat to the air; its sensor follows it with its own lag, so the response
-//! to power is of second order. A transport delay before it can be set. Between changes of power both equations are
-//! solved exactly:
+//! A heated body is one mass that loses heat to the air; its sensor follows it with its own lag, so
+//! the response to power is of second order. A transport delay before it can be set. Between
+//! changes of power both equations are solved exactly:
 //!
 //! ```text
 //! C dT/dt = P - G (T - ambient)        lag dS/dt = T - S
@@ -139,7 +139,8 @@ impl Heater {
         self.fan = fan.clamp(0.0, 1.0);
     }
 
-    /// Sets the heat that filament takes, which comes as cold as the air, in watts per kelvin above ambient.
+    /// Sets the heat that filament takes, which comes as cold as the air, in watts per
+    /// kelvin above ambient.
     pub fn set_filament(&mut self, now_ns: u64, w_per_k: f64) {
         self.advance(now_ns);
         self.filament_w_per_k = w_per_k.max(0.0);
@@ -180,8 +181,8 @@ impl Heater {
         self.sensor_celsius
     }
 
-    /// The highest temperature of the body, in degrees Celsius, sampled at changes of power and at reads. The body is
-    /// hottest when its power ends, so no maximum between the samples is missed.
+    /// The highest temperature of the body, in degrees Celsius, sampled at changes of power and at
+    /// reads. The body is hottest when its power ends, so no maximum between the samples is missed.
     pub fn hottest_celsius(&self) -> f64 {
         self.hottest_celsius
     }

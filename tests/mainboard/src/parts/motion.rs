@@ -1,7 +1,8 @@
-//! Motors, kinematics and axes: from steps to the nozzle's position, and its effect on switches, probe and bed.
+//! Motors, kinematics and axes: from steps to the nozzle's position, and its effect on
+//! switches, probe and bed.
 //!
-//! Positions are exact: a motor's field is counted in 1/256 of a full step (`i64`), an axis in half of that, so that
-//! the mean of two CoreXY motors is exact as well.
+//! Positions are exact: a motor's field is counted in 1/256 of a full step (`i64`), an axis in half
+//! of that, so that the mean of two CoreXY motors is exact as well.
 //!
 //! | what | test |
 //! |---|---|
@@ -15,10 +16,10 @@
 //! | probe over the sheet only, hysteresis, noise, dead, always on; nozzle pressed into the sheet ([`sheet`]) | `sheet::tests`, `the_probe_*` |
 //!
 //! Left out, and why:
-//! - Mass, belts' stretch and torque: a motor follows its field at any speed unless something blocks it. Steps lost by
-//!   speed depend on the machine, not on the firmware's logic.
-//! - A blocked rotor swings between the frame and two full steps before it (slipping); it does not bounce further.
-//!   Pushing into the sheet does not stop Z: the depth is recorded instead.
+//! - Mass, belts' stretch and torque: a motor follows its field at any speed unless something
+//!   blocks it. Steps lost by speed depend on the machine, not on the firmware's logic.
+//! - A blocked rotor swings between the frame and two full steps before it (slipping); it does not
+//!   bounce further. Pushing into the sheet does not stop Z: the depth is recorded instead.
 //! - A motor without current keeps its position: Z does not sink, and no hand pushes the carriage.
 
 pub mod end_stop;
@@ -33,7 +34,8 @@ use sheet::{Probe, ProbeConfig, Sheet, SheetConfig};
 
 /// Microsteps of 1/256 in an electrical period: four full steps.
 const PERIOD: i64 = 1024;
-/// Half a period, in halves of 1/256: a field further ahead pulls the rotor in the opposite direction.
+/// Half a period, in halves of 1/256: a field further ahead pulls the rotor in the
+/// opposite direction.
 const SLIP_HALVES: i64 = PERIOD;
 /// Halves of 1/256 in a full step.
 const FULL_STEP_HALVES: i64 = 512;
@@ -43,7 +45,8 @@ const FULL_STEP_HALVES: i64 = 512;
 pub enum Kinematics {
     /// Motors 0, 1, 2 move X, Y, Z.
     Cartesian,
-    /// Motor 0 is A = X + Y, motor 1 is B = X - Y, motor 2 moves Z. A and B have the same steps per mm: motor 0's.
+    /// Motor 0 is A = X + Y, motor 1 is B = X - Y, motor 2 moves Z. A and B have the same steps
+    /// per mm: motor 0's.
     CoreXy,
 }
 
@@ -71,7 +74,8 @@ pub struct AxisConfig {
     pub start_mm: f64,
 }
 
-/// Everything that moves. Motors from 3 on are extruders, or lift Z beside its own; they meet no ends.
+/// Everything that moves. Motors from 3 on are extruders, or lift Z beside its own;
+/// they meet no ends.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Config {
     /// Coupling of motors 0 and 1 to X and Y.
@@ -113,8 +117,8 @@ pub struct MotorRecord {
     pub unpowered_steps: u64,
     /// Electrical periods (four full steps) by which the rotor slipped, in either direction.
     pub slipped_periods: u64,
-    /// The sum of the slips in 1/256 of a full step, positive with the field ahead upwards: the error of the firmware's
-    /// position.
+    /// The sum of the slips in 1/256 of a full step, positive with the field ahead upwards: the
+    /// error of the firmware's position.
     pub lost_256: i64,
     /// The sum of jumps when current returned, in 1/256.
     pub snapped_256: i64,
@@ -183,8 +187,8 @@ impl Motion {
     /// The machine at its start, motors without current.
     ///
     /// # Errors
-    /// X, Y or Z has no motor, steps per mm are not positive, an axis's ends are swapped or its start is beyond the
-    /// frame, or an end stop belongs to an unknown axis.
+    /// X, Y or Z has no motor, steps per mm are not positive, an axis's ends are swapped or its
+    /// start is beyond the frame, or an end stop belongs to an unknown axis.
     pub fn new(config: Config) -> Result<Self, String> {
         if config.motors.len() < 3 {
             return Err(format!("{} motors, expected at least 3: X or A, Y or B, Z", config.motors.len()));
@@ -260,7 +264,8 @@ impl Motion {
         Ok(motion)
     }
 
-    /// Follows a step at a driver's outputs, `delta_256` by the driver's count. An unknown motor has no effect.
+    /// Follows a step at a driver's outputs, `delta_256` by the driver's count. An unknown
+    /// motor has no effect.
     pub fn step(&mut self, now_ns: u64, motor: usize, delta_256: i32) -> Effect {
         let Some(moved) = self.motors.get_mut(motor) else { return Effect::default() };
         if !moved.energized {
@@ -271,9 +276,11 @@ impl Motion {
         self.follow(now_ns, motor)
     }
 
-    /// Follows a driver's outputs, on or off, at the field's position `mscnt`. Repeated calls have no effect.
+    /// Follows a driver's outputs, on or off, at the field's position `mscnt`. Repeated
+    /// calls have no effect.
     ///
-    /// Off, the rotor stays where it is. On, it snaps to the nearest position of the field, within two full steps.
+    /// Off, the rotor stays where it is. On, it snaps to the nearest position of the field,
+    /// within two full steps.
     pub fn set_energized(&mut self, now_ns: u64, motor: usize, on: bool, mscnt: u16) -> Effect {
         let lead_256 = self.lead_256(motor);
         let Some(changed) = self.motors.get_mut(motor) else { return Effect::default() };
@@ -326,7 +333,8 @@ impl Motion {
                 effect.loads |= self.axes[0].follow(a + b) | self.axes[1].follow(a - b);
                 let (x, y) = (self.axes[0].lead, self.axes[1].lead);
                 if x | y != 0 {
-                    // Both leads are compared before either slips: a push along X slips A and B together.
+                    // Both leads are compared before either slips: a push along X slips
+                    // A and B together.
                     let slipped = [self.slip(0, x + y), self.slip(1, x - y)];
                     if slipped != [false; 2] {
                         let (a, b) = (self.motors[0].field_256, self.motors[1].field_256);
@@ -354,7 +362,8 @@ impl Motion {
         effect
     }
 
-    /// Turns the screw of a motor that lifts Z by hand, with its rotor, while it has no current, mm.
+    /// Turns the screw of a motor that lifts Z by hand, with its rotor, while it
+    /// has no current, mm.
     pub fn turn_by_hand(&mut self, motor: usize, by_mm: f64) {
         let Some(per_mm) = self.full_steps_per_mm.get(motor) else { return };
         let by_256 = (by_mm * per_mm * 256.0).round() as i64;
@@ -364,7 +373,8 @@ impl Motion {
         }
     }
 
-    /// Height of the nozzle at a place above that at Z's own motor, because others lift Z as well, mm.
+    /// Height of the nozzle at a place above that at Z's own motor, because others
+    /// lift Z as well, mm.
     fn raised_mm(&self, place_mm: [f64; 2]) -> f64 {
         self.lift.as_ref().map_or(0.0, |lift| lift.raised_mm(place_mm, |motor| self.motor_mm(motor)))
     }
@@ -438,7 +448,8 @@ impl Motion {
         self.motors.get(motor).map_or_else(MotorRecord::default, |motor| motor.record)
     }
 
-    /// A motor's load for its driver: 1 while it pushes against the frame, otherwise 0. With CoreXY both motors push.
+    /// A motor's load for its driver: 1 while it pushes against the frame, otherwise 0. With CoreXY
+    /// both motors push.
     pub fn load(&self, motor: usize) -> f32 {
         let leaning = match (self.kinematics, motor) {
             (Kinematics::CoreXy, 0 | 1) => self.axes[0].leaning | self.axes[1].leaning,
@@ -481,8 +492,8 @@ impl Motion {
         &self.sheet
     }
 
-    /// Puts an obstacle into an axis's path: the axis now ends at these positions in mm, or at its own if that is
-    /// beyond them.
+    /// Puts an obstacle into an axis's path: the axis now ends at these positions in mm, or at its
+    /// own if that is beyond them.
     pub fn set_frame(&mut self, axis: usize, low_mm: f64, high_mm: f64) {
         if let Some(axis) = self.axes.get_mut(axis) {
             axis.low_frame = ((low_mm * axis.halves_per_mm).round() as i64).min(axis.position);

@@ -1,6 +1,7 @@
 //! A small seeded generator, whose noise is the same in each run.
 //!
-//! The algorithm is SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014).
+//! The algorithm is SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number
+//! generators", 2014).
 
 /// A generator; the seed determines its whole sequence.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -39,7 +40,8 @@ impl Random {
         low + self.bits() % count
     }
 
-    /// A number with mean 0 and deviation 1, nearly normal, within -6 to 6: the sum of twelve uniform ones.
+    /// A number with mean 0 and deviation 1, nearly normal, within -6 to 6: the sum of
+    /// twelve uniform ones.
     pub fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.unit()).sum::<f64>() - 6.0
     }

@@ -1,7 +1,8 @@
 //! A memory card at its SD bus: identification, single blocks, and what goes wrong with cards.
 //!
-//! From the SD Association's "SD Specifications Part 1, Physical Layer Simplified Specification", version 6.00. A controller
-//! ([`crate::chip::sdio`]) passes whole commands and whole blocks, each with its instant.
+//! From the SD Association's "SD Specifications Part 1, Physical Layer Simplified Specification",
+//! version 6.00. A controller ([`crate::chip::sdio`]) passes whole commands and whole blocks, each
+//! with its instant.
 //!
 //! | Section | Behaviour | Test |
 //! |---|---|---|
@@ -64,7 +65,8 @@ pub struct Config {
     pub start_ns: u64,
     /// Time from a read command to the block, ns; at most 100 ms (4.6.2.1).
     pub access_ns: u64,
-    /// Time for which it is busy with a block, ns; at most 250 ms, of a card for video 500 ms (4.6.2.2).
+    /// Time for which it is busy with a block, ns; at most 250 ms, of a card for video
+    /// 500 ms (4.6.2.2).
     pub program_ns: u64,
     /// Seed of what a cut leaves.
     pub seed: u64,
@@ -89,7 +91,8 @@ pub struct Faults {
     pub unreadable: Option<Range<u32>>,
     /// This many of the next written blocks are refused by their CRC status.
     pub refused_writes: u32,
-    /// This many of the next written blocks are taken, but not programmed: the card's status says so.
+    /// This many of the next written blocks are taken, but not programmed: the
+    /// card's status says so.
     pub failing_writes: u32,
 }
 

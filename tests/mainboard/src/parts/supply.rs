@@ -6,8 +6,8 @@
 //! | sag by load through the supply's resistance | `load_*` |
 //! | heaters' power by voltage, drivers' supply with hysteresis | `load_*`, `a_sag_*` |
 //!
-//! Left out: ripple; the duration of a sag's edge (it is immediate); coupling of rails (cut both, with their own
-//! times).
+//! Left out: ripple; the duration of a sag's edge (it is immediate); coupling of rails (cut both,
+//! with their own times).
 
 /// The properties of a rail.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -27,8 +27,8 @@ pub struct Config {
 }
 
 impl Config {
-    /// A 24 V rail for motors and heaters. A TMC2209 works from 4.75 V and locks out below some 4 V (data sheet 20,
-    /// operating range).
+    /// A 24 V rail for motors and heaters. A TMC2209 works from 4.75 V and locks out below some 4 V
+    /// (data sheet 20, operating range).
     pub fn motors_24_v() -> Self {
         Self {
             nominal_mv: 24_000.0,
@@ -40,8 +40,8 @@ impl Config {
         }
     }
 
-    /// A 3.3 V rail for the chip, with the power-down reset at 1.68 and 1.72 V (STM32F4 data sheet, embedded reset
-    /// block).
+    /// A 3.3 V rail for the chip, with the power-down reset at 1.68 and 1.72 V (STM32F4 data sheet,
+    /// embedded reset block).
     pub fn chip_3_3_v() -> Self {
         Self {
             nominal_mv: 3_300.0,

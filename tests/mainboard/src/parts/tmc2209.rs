@@ -15,19 +15,24 @@
 //! | supply off: silent, outputs off, registers lost, GSTAT.reset after | 5.1, 20 | `without_supply_*` |
 //!
 //! Left out, and why:
-//! - VACTUAL and the INDEX pin: no board here turns a motor by them. VACTUAL is stored without effect.
-//! - GCONF: internal_Rsense, multistep_filt, test_mode and the bits of INDEX are stored without effect.
-//! - MicroPlyer's interpolation (CHOPCONF.intpol): a step is a jump; the position at each step is the same.
-//! - stealthChop's tuning: PWM_SCALE and PWM_AUTO report PWMCONF's initial values. coolStep (COOLCONF) changes no
-//!   current.
+//! - VACTUAL and the INDEX pin: no board here turns a motor by them. VACTUAL is
+//!   stored without effect.
+//! - GCONF: internal_Rsense, multistep_filt, test_mode and the bits of INDEX are
+//!   stored without effect.
+//! - MicroPlyer's interpolation (CHOPCONF.intpol): a step is a jump; the position at each
+//!   step is the same.
+//! - stealthChop's tuning: PWM_SCALE and PWM_AUTO report PWMCONF's initial values. coolStep
+//!   (COOLCONF) changes no current.
 //! - OTP_PROG: writes are counted and have no effect; [`Config`] sets the memory's contents.
-//! - SG_RESULT depends linearly on the load of one full step; in the chip it also depends on speed, current and motor.
+//! - SG_RESULT depends linearly on the load of one full step; in the chip it also depends on speed,
+//!   current and motor.
 //! - The input filter of STEP and DIR: pulses that are too short are counted, yet make their steps.
-//! - SG_RESULT between standstill and the first full step, which the data sheet leaves open: the old value stays
-//!   readable and raises no DIAG, because drivers in the field start from a stall without a false one.
+//! - SG_RESULT between standstill and the first full step, which the data sheet leaves open: the
+//!   old value stays readable and raises no DIAG, because drivers in the field start from a stall
+//!   without a false one.
 //! - TSTEP's hysteresis at thresholds. Clock drift: the chip's 12 MHz is exact.
-//! - The level of DIR that counts MSCNT up, which the data sheet leaves open: here low does. The wiring decides the
-//!   direction of motion.
+//! - The level of DIR that counts MSCNT up, which the data sheet leaves open: here low does. The
+//!   wiring decides the direction of motion.
 //! - Loss of VCC_IO while the motor supply stays.
 
 mod current;
@@ -63,7 +68,8 @@ pub struct Config {
     pub vref_mv: u32,
     /// The chip's clock in Hz: 12 000 000 internally.
     pub clock_hz: u32,
-    /// One-time memory, as OTP_READ shows it; 0 as delivered, except the clock's trim in bits 0 to 4.
+    /// One-time memory, as OTP_READ shows it; 0 as delivered, except the clock's
+    /// trim in bits 0 to 4.
     pub otp: u32,
     /// SG_RESULT of this motor when it turns freely, 0 to 510.
     pub sg_result_unloaded: u16,
@@ -222,7 +228,8 @@ impl Tmc2209 {
         u8::from(self.config.ms1) | u8::from(self.config.ms2) << 1
     }
 
-    /// Switches the motor supply on or off. Without it the chip has no clock: silent, outputs off, registers lost.
+    /// Switches the motor supply on or off. Without it the chip has no clock: silent, outputs
+    /// off, registers lost.
     pub fn set_supply(&mut self, now_ns: u64, on: bool) {
         if on == self.supplied {
             return;
@@ -248,8 +255,8 @@ impl Tmc2209 {
         self.settle(now_ns);
     }
 
-    /// Sets the level at PDN_UART as power-down input, which matters only while GCONF.pdn_disable is 0. High before the
-    /// first call.
+    /// Sets the level at PDN_UART as power-down input, which matters only while GCONF.pdn_disable
+    /// is 0. High before the first call.
     pub fn set_pdn_pin(&mut self, level: bool) {
         self.pdn_level = level;
     }
@@ -415,7 +422,8 @@ impl Tmc2209 {
         let limit = if self.over_temperature { warning } else { shutdown };
         self.over_temperature = self.supplied && self.celsius >= limit;
         let asked = self.supplied && !self.enable_not && self.registers.toff() != 0;
-        // A short switches the outputs off until they are switched off and on again by EN or TOFF (15.2).
+        // A short switches the outputs off until they are switched off and on again by
+        // EN or TOFF (15.2).
         self.shorts_latched = if asked { self.shorts_latched | self.faults_present & SHORTS } else { 0 };
         if self.over_temperature || self.shorts_latched != 0 {
             self.registers.gstat |= gstat::DRV_ERR;
@@ -449,8 +457,8 @@ impl Tmc2209 {
         self.registers.spread_cycle() == self.config.spread && tstep >= self.registers.tpwmthrs
     }
 
-    /// True if an error switches the outputs off and raises DIAG. GSTAT.drv_err stays until it is cleared, DIAG only
-    /// while the reason lasts: EN high ends that of a short (2.2, pin DIAG).
+    /// True if an error switches the outputs off and raises DIAG. GSTAT.drv_err stays until it is
+    /// cleared, DIAG only while the reason lasts: EN high ends that of a short (2.2, pin DIAG).
     fn driver_error(&self) -> bool {
         self.over_temperature || self.shorts_latched != 0 || self.charge_pump_low
     }

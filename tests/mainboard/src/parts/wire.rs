@@ -1,7 +1,8 @@
 //! The drivers' serial line: several drivers on one wire, by bytes or by a pin's edges.
 //!
-//! [`Bus`] takes whole bytes, as a USART of the chip sends them. [`Wire`] takes a pin's edges, decodes the bytes and
-//! plays a reply back as edges at exact instants. Both share the drivers by address (data sheet of the TMC2209, 4.3).
+//! [`Bus`] takes whole bytes, as a USART of the chip sends them. [`Wire`] takes a pin's edges,
+//! decodes the bytes and plays a reply back as edges at exact instants. Both share the drivers by
+//! address (data sheet of the TMC2209, 4.3).
 //!
 //! | what | TMC2209, section | test |
 //! |---|---|---|
@@ -12,8 +13,9 @@
 //! | several drivers on one wire | 4.3 | `drivers_share_*`, `two_drivers_with_one_address_*` |
 //! | garbled bits, mute line | | `garbles_*`, `a_mute_*` |
 //!
-//! Left out: the slope of edges; a driver that answers while the master still drives low (such conflicts are only
-//! counted). The bit time is a whole number of nanoseconds: exact at 500 000 baud, 0.006 % off at 115 200.
+//! Left out: the slope of edges; a driver that answers while the master still drives low (such
+//! conflicts are only counted). The bit time is a whole number of nanoseconds: exact at 500 000
+//! baud, 0.006 % off at 115 200.
 
 use super::random::Random;
 use super::tmc2209::Tmc2209;
@@ -70,10 +72,11 @@ impl Bus {
         receiving.next().map(|driver| driver.expects_sync(start_ns))
     }
 
-    /// Passes a byte from the master, whose start bit began at `start_ns`, to the drivers; returns the reply on the
-    /// wire.
+    /// Passes a byte from the master, whose start bit began at `start_ns`, to the drivers; returns
+    /// the reply on the wire.
     ///
-    /// Two drivers that answer at once pull each other's high bits low: the reply is the bitwise and of both.
+    /// Two drivers that answer at once pull each other's high bits low: the reply is the
+    /// bitwise and of both.
     pub fn byte(&mut self, drivers: &mut [Tmc2209], start_ns: u64, bit_ns: u64, byte: u8) -> Option<Reply> {
         if self.fault.mute {
             return None;
@@ -246,8 +249,9 @@ impl Wire {
         if incoming.bit_ns != 0 || level {
             return;
         }
-        // Falling edges of the start bit, of bit 1 and of bit 3: 0 then 1 0 1 0 (the sync nibble, lowest bit first). A
-        // nibble that does not fit kept the line busy until its last rise, and another may begin here.
+        // Falling edges of the start bit, of bit 1 and of bit 3: 0 then 1 0 1 0 (the sync nibble,
+        // lowest bit first). A nibble that does not fit kept the line busy until its last rise, and
+        // another may begin here.
         let count = incoming.edges.len();
         let at_ns = |index: usize| incoming.edges.get(index).map_or(now_ns, |edge| edge.0);
         let (low_ns, first_ns, second_ns) = (at_ns(1) - at_ns(0), at_ns(2) - at_ns(0), now_ns - at_ns(0));

@@ -1,4 +1,5 @@
-//! The accelerometer at the nozzle: the frame between motors and nozzle, and the chip that feels it.
+//! The accelerometer at the nozzle: the frame between motors and nozzle, and the
+//! chip that feels it.
 
 use serde::{Deserialize, Serialize};
 

@@ -27,11 +27,13 @@ const AMBIENT_CELSIUS: f64 = 22.0;
 const MODULE_SENSE_MILLIOHM: u32 = 110;
 /// Distance of the frame beyond an end without a sensor, and beyond a switch, mm.
 const FRAME_MM: f64 = 3.0;
-/// Nozzle height above the sheet at which the inductive probe of a well adjusted machine triggers, mm.
+/// Nozzle height above the sheet at which the inductive probe of a well adjusted
+/// machine triggers, mm.
 const PROBE_TRIGGER_MM: f64 = 1.0;
 /// The same of a probe with a pin, mm.
 const BLTOUCH_TRIGGER_MM: f64 = 2.0;
-/// A smart filament sensor of BIGTREETECH's, the second: filament from edge to edge, mm, and the play of its wheel.
+/// A smart filament sensor of BIGTREETECH's, the second: filament from edge to edge, mm, and the
+/// play of its wheel.
 const FILAMENT_EDGE_MM: f64 = 2.88;
 const FILAMENT_PLAY_MM: f64 = 0.05;
 /// Depth by which the sheet gives way, mm.
@@ -307,7 +309,8 @@ fn mechanics(board: &Board, printer: &Printer, seed: u64) -> Result<Motion, Stri
                 seed: seed ^ (0xE570 + axis as u64),
             });
         }
-        // An axis that homes by a stall ends at the frame; with another sensor the frame is beyond it.
+        // An axis that homes by a stall ends at the frame; with another sensor the
+        // frame is beyond it.
         let stalls = home.is_some_and(|home| home.sensor == HomingSensor::Stall);
         let beyond = |end: bool| if stalls && high == end { 0.0 } else { FRAME_MM };
         AxisConfig {

@@ -29,7 +29,8 @@ impl WiredEeprom {
         self.chip.pulls_sda().then_some(false)
     }
 
-    /// The level that a pin asks for; true if the chip's end of SDA changed. The pins are open drain: high is released.
+    /// The level that a pin asks for; true if the chip's end of SDA changed. The pins are open
+    /// drain: high is released.
     pub(super) fn set_wire(&mut self, now_ns: u64, wire: EepromWire, level: Option<bool>) -> bool {
         let before = self.sda();
         match wire {

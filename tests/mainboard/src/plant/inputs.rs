@@ -80,12 +80,14 @@ impl Plant {
         Some((self.inputs[place].0, level))
     }
 
-    /// Drives all inputs again: after a reset of the chip's ports, or after a part was broken or mended.
+    /// Drives all inputs again: after a reset of the chip's ports, or after a part was
+    /// broken or mended.
     pub fn refresh_inputs(&mut self) {
         self.lines_changed = true;
     }
 
-    /// The input pins of the chip that a part drives: switches, probe, stall signals, tachometers, driver lines.
+    /// The input pins of the chip that a part drives: switches, probe, stall signals,
+    /// tachometers, driver lines.
     pub fn input_pins(&self) -> impl Iterator<Item = Pin> + '_ {
         self.inputs.iter().map(|(pin, _)| *pin)
     }

@@ -30,7 +30,8 @@ pub struct Board {
     pub boot_file: Option<String>,
     /// The profile with which the board's image is built.
     pub profile: String,
-    /// The motors: x, y, z and e first, in this order; then sockets that the firmware does not use, by name.
+    /// The motors: x, y, z and e first, in this order; then sockets that the firmware does
+    /// not use, by name.
     pub motors: Vec<Motor>,
     /// The serial line shared by the drivers, if the board has one.
     pub driver_uart: Option<Pin>,

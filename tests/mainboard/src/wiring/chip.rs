@@ -1,7 +1,7 @@
 //! The modelled chips and their packages.
 //!
-//! Sources: data sheets of the STM32F405xx/F407xx (DS8626, table 2 and the pin table 7) and of the STM32F446xC/E
-//! (DS10693, table 2 and the pin table 10).
+//! Sources: data sheets of the STM32F405xx/F407xx (DS8626, table 2 and the pin table 7) and of the
+//! STM32F446xC/E (DS10693, table 2 and the pin table 10).
 
 use crate::pins::Pin;
 

@@ -1,7 +1,8 @@
 //! Converter and timer channels of each pin.
 //!
-//! Sources: the pin tables and the tables of alternate functions of the data sheets DS8626 (F405, F407: tables 7 and 9) and
-//! DS10693 (F446: tables 10 and 11). Left out: complementary outputs (CHxN), and ports H and I, which no package here has.
+//! Sources: the pin tables and the tables of alternate functions of the data sheets DS8626 (F405,
+//! F407: tables 7 and 9) and DS10693 (F446: tables 10 and 11). Left out: complementary outputs
+//! (CHxN), and ports H and I, which no package here has.
 
 use std::fmt;
 
@@ -75,7 +76,8 @@ impl TimerChannel {
         (timer_channel.to_string() == text).then_some(timer_channel)
     }
 
-    /// The alternate function that connects a pin to this timer, 1 to 9; `None` for a timer without pins.
+    /// The alternate function that connects a pin to this timer, 1 to 9; `None` for a
+    /// timer without pins.
     #[must_use]
     pub fn alternate_function(self) -> Option<u8> {
         match self.timer {
@@ -122,8 +124,8 @@ pub(super) const USART1_TX: [Pin; 2] = [at('A', 9), at('B', 6)];
 pub(super) const USART1_RX: [Pin; 2] = [at('A', 10), at('B', 7)];
 /// USB's pins, D- and D+.
 pub(super) const USB: [Pin; 2] = [at('A', 11), at('A', 12)];
-/// The SDIO's pins at alternate function 12: clock, command line, D0 to D3. The F446 has others too (PA6, PB0 to PB2, PB4, PB5),
-/// which no board here uses.
+/// The SDIO's pins at alternate function 12: clock, command line, D0 to D3. The F446 has others too
+/// (PA6, PB0 to PB2, PB4, PB5), which no board here uses.
 pub(super) const SDIO_CK: Pin = at('C', 12);
 pub(super) const SDIO_CMD: Pin = at('D', 2);
 pub(super) const SDIO_DATA: [Pin; 4] = [at('C', 8), at('C', 9), at('C', 10), at('C', 11)];
@@ -191,7 +193,8 @@ const CHANNELS: [(u8, u8, char, u8); 53] = [
     (14, 1, 'A', 7),
 ];
 
-/// Channels that only the F446 has: port F, which the other two packages lack, and three pins of TIM2.
+/// Channels that only the F446 has: port F, which the other two packages lack, and
+/// three pins of TIM2.
 const F446_CHANNELS: [(u8, u8, char, u8); 7] = [
     (2, 1, 'B', 8),
     (2, 2, 'B', 9),

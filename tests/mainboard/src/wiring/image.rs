@@ -1,7 +1,7 @@
 //! Checks whether an image fits a board: its addresses, stack pointer and first instruction.
 //!
-//! Sources: the ELF format (Tool Interface Standard, version 1.2: ELF header, program header); the memory maps of RM0090
-//! (2.3) and RM0390 (2.2.2); the vector table of PM0214 (2.3.4).
+//! Sources: the ELF format (Tool Interface Standard, version 1.2: ELF header, program header); the
+//! memory maps of RM0090 (2.3) and RM0390 (2.2.2); the vector table of PM0214 (2.3.4).
 
 use super::board::Board;
 use super::refusal::Refusal;
@@ -33,8 +33,9 @@ pub struct Image {
 /// Checks that an image (ELF) can run on a board; `file` is its name in errors.
 ///
 /// # Errors
-/// The file is not an ELF file for a 32-bit ARM chip, starts at another address than the board's boot loader jumps to,
-/// exceeds the board's memories, or its stack pointer or first instruction is outside them.
+/// The file is not an ELF file for a 32-bit ARM chip, starts at another address than the board's
+/// boot loader jumps to, exceeds the board's memories, or its stack pointer or first instruction
+/// is outside them.
 pub fn check_image(board: &Board, file: &str, elf: &[u8]) -> Result<Image, Refusal> {
     let refuse = |key: &str, problem: String, mend: &str| Refusal::new(file, key, problem, mend);
     let short = || {

@@ -45,7 +45,8 @@ pub struct Printer {
     pub sees_filament_move: bool,
 }
 
-/// A supply that a board switches. Without a level at its input it is off, as ATX supplies and relay modules are.
+/// A supply that a board switches. Without a level at its input it is off, as ATX supplies and
+/// relay modules are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, Deserialize)]
 pub struct PowerSupply {
     /// A low level switches it on.
@@ -165,7 +166,8 @@ pub enum NamedThermistor {
 pub struct HeaterSettings {
     /// The thermistor.
     pub sensor: ThermistorKind,
-    /// Pull-up resistor from the thermistor to the reference, ohm. A board's own value takes precedence.
+    /// Pull-up resistor from the thermistor to the reference, ohm. A board's own value
+    /// takes precedence.
     #[serde(default = "pull_up")]
     pub pull_up_ohm: f64,
     /// Temperature from which on the firmware must switch heaters off, degrees Celsius.

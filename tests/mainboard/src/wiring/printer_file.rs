@@ -50,7 +50,8 @@ pub(super) struct RawToolNozzle {
 }
 
 impl RawTool {
-    /// Input and kind of its thermistor: those of the heater's name and of the first nozzle, where the profile does not say.
+    /// Input and kind of its thermistor: those of the heater's name and of the first nozzle, where
+    /// the profile does not say.
     pub fn thermistor(self, of_nozzle: ThermistorKind) -> Option<(String, ThermistorKind)> {
         let kind = self.nozzle.and_then(|nozzle| nozzle.sensor).unwrap_or(of_nozzle);
         Some((self.thermistor.or(self.heater)?, kind))

@@ -1,5 +1,5 @@
-//! M955 and M956: the image records the accelerations of a frame that the virtual mainboard knows, and the desk finds the frame in
-//! the record.
+//! M955 and M956: the image records the accelerations of a frame that the virtual mainboard knows,
+//! and the desk finds the frame in the record.
 
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -123,7 +123,8 @@ fn samples(lines: &[String]) -> usize {
     lines.iter().filter(|line| line.starts_with(|first: char| first.is_ascii_digit())).count()
 }
 
-/// Lines that shake an axis to and fro, half a second each at frequencies around one: at f from rest to rest over a/(16 f^2).
+/// Lines that shake an axis to and fro, half a second each at frequencies around one: at f from
+/// rest to rest over a/(16 f^2).
 fn shaking(letter: char, around_hz: f64) -> Vec<String> {
     let mut lines = vec!["M201 X20000 Y20000".to_owned(), "G91".to_owned(), format!("G1 {letter}0.01 F6000")];
     for difference in -12..=16 {
@@ -175,7 +176,8 @@ fn a_host_that_shakes_an_axis_finds_the_frame() {
     assert_eq!(scene.violations(), Violations::default());
 }
 
-/// A computer that asks again after each empty answer, as real ones do, every 50 us; the mainboard's own takes its time.
+/// A computer that asks again after each empty answer, as real ones do, every 50 us; the
+/// mainboard's own takes its time.
 fn eager(machine: &mut Machine) {
     machine.usb_host.timing.nak_retry_ns = 50_000;
 }
@@ -270,7 +272,8 @@ fn other_boards_refuse() {
     }
 }
 
-/// The pins, from the maker's drawing of the plug and not from the board's file: the bus rests high before the first frame.
+/// The pins, from the maker's drawing of the plug and not from the board's file: the bus rests high
+/// before the first frame.
 #[test]
 fn the_bus_rests_until_it_is_used() {
     let mut scene = Scene::new(Via::Serial, Machine::keep_stores);

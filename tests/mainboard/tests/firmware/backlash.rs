@@ -1,4 +1,5 @@
-//! The play of Z on the Octopus: its motor goes farther where it turns, and the image's own count agrees.
+//! The play of Z on the Octopus: its motor goes farther where it turns, and the image's
+//! own count agrees.
 
 use crate::firmware::bench::Bench;
 use crate::firmware::equipped::octopus;

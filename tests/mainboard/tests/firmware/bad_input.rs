@@ -1,4 +1,5 @@
-//! Input that no host should send, in the middle of a print: the image answers it, and not a single step changes.
+//! Input that no host should send, in the middle of a print: the image answers it, and not a
+//! single step changes.
 
 use crate::firmware::bench::{Bench, Line};
 use crate::firmware::host::Host;
@@ -11,7 +12,8 @@ const LINES_INTO_THE_PRINT: usize = 100;
 /// Line before which the job pauses, so that a silent host does not affect the look-ahead.
 const PAUSE: usize = 160;
 
-/// Lines in a burst: as many bytes as the image's receive buffer holds while a command waits for room.
+/// Lines in a burst: as many bytes as the image's receive buffer holds while a
+/// command waits for room.
 const BURST: usize = 240;
 
 /// Sends lines without numbers and waits for the `ok` of each.
@@ -51,7 +53,8 @@ fn nonsense_in_mid_print_is_answered_and_changes_no_step() {
         let host = &mut bench.host;
         // Lines are numbered from 1, so this is the number of the next line.
         let number = index + 1;
-        // The motors keep moving for as long as there is motion at hand: 1 s, which the lines between bring back.
+        // The motors keep moving for as long as there is motion at hand: 1 s, which the lines
+        // between bring back.
         match index.wrapping_sub(LINES_INTO_THE_PRINT) {
             0 => answered(host, &garbage(20), 20),
             10 => {

@@ -1,4 +1,5 @@
-//! A board on the test's bench: switched on, with a host at its line and access to everything around its chip.
+//! A board on the test's bench: switched on, with a host at its line and access to everything
+//! around its chip.
 
 use std::path::Path;
 
@@ -96,7 +97,8 @@ impl Bench {
         Self::switch_on_with(facts, patched(facts, &image_of(facts.name)), |_| {})
     }
 
-    /// Boots a variant of a board, by its file and its profile's, with its image patched for [`Self::execute`].
+    /// Boots a variant of a board, by its file and its profile's, with its image patched for
+    /// [`Self::execute`].
     pub fn boot_variant(facts: &'static BoardFacts, board: &Path, profile: &Path, image: &Path) -> Self {
         let (board, printer) = (Board::read(board).unwrap(), Printer::read(profile).unwrap());
         let mut bench = Self::switch_on_in(facts, &board, &printer, patched(facts, image), |_| {});
@@ -133,7 +135,8 @@ impl Bench {
         self.host.port().0.with(action).unwrap()
     }
 
-    /// Changes the parts around the chip; the chip sees it at once. The second number is the board's time, ns.
+    /// Changes the parts around the chip; the chip sees it at once. The second number is the
+    /// board's time, ns.
     pub fn change(&mut self, action: impl FnOnce(&mut Plant, u64) + Send + 'static) {
         let now_ns = self.now_ns();
         self.with(move |machine, _| {
@@ -216,8 +219,8 @@ impl Bench {
         self.with(move |_, core| core.read(u64::from(address), Width::W32).unwrap() as u32)
     }
 
-    /// Lets the processor execute these instructions instead of sleeping, from the end of its next sleep on. Only for a
-    /// board with [`PatchedImage`].
+    /// Lets the processor execute these instructions instead of sleeping, from the end of its next
+    /// sleep on. Only for a board with [`PatchedImage`].
     pub fn execute(&mut self, code: &[u16]) {
         let code = code.to_vec();
         self.with(move |_, core| {

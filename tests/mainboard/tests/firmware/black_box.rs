@@ -1,5 +1,5 @@
-//! The black box after a panic, a watchdog's reset, the reset button and M112, each in the midst of a move: the steps that it replays are
-//! the edges at the pins.
+//! The black box after a panic, a watchdog's reset, the reset button and M112, each in the midst of
+//! a move: the steps that it replays are the edges at the pins.
 
 use ferrostep_black_box::Contents;
 use ferrostep_host::send::fetch_black_box;
@@ -16,11 +16,13 @@ use crate::firmware::watchdog::NO_PLANNER;
 /// A tick of the motion clock, ns.
 const TICK_NS: f64 = 1e9 / 84e6;
 
-/// Greatest distance of an edge from its tick, ns: less than a tick. The emulated chip has one of its 120 million instructions a second between
-/// two ports' stores, so that motors on different ports do not step at the same time.
+/// Greatest distance of an edge from its tick, ns: less than a tick. The emulated chip has one of
+/// its 120 million instructions a second between two ports' stores, so that motors on different
+/// ports do not step at the same time.
 const TOLERANCE_NS: f64 = 40.0;
 
-/// RCC_AHB1ENR with BKPSRAMEN, and PWR_CR with DBP (RM0090 7.3.10, 5.4.1): the emulated memory needs neither, a chip's both.
+/// RCC_AHB1ENR with BKPSRAMEN, and PWR_CR with DBP (RM0090 7.3.10, 5.4.1): the emulated memory
+/// needs neither, a chip's both.
 const CLOCKS: (u32, u32) = (0x4002_3830, 1 << 18);
 const POWER: (u32, u32) = (0x4000_7000, 1 << 8);
 
@@ -55,9 +57,9 @@ fn replayed_motors(contents: &Contents<'_>) -> Vec<(u8, u8)> {
     motors
 }
 
-/// Removes the edges by which the safe state lowers the step signals, of motors without current: where both edges step, the
-/// decoder counts them as an event of the signals that were high. A last step that leaves all signals low looks the same: then the replay
-/// ends with it.
+/// Removes the edges by which the safe state lowers the step signals, of motors without current:
+/// where both edges step, the decoder counts them as an event of the signals that were high. A last
+/// step that leaves all signals low looks the same: then the replay ends with it.
 fn without_safe_state(board: &BoardFacts, mut events: Vec<Event>, bytes: &[u8]) -> Vec<Event> {
     let replayed = replayed_motors(&Contents::read(bytes).unwrap());
     let pins: Vec<_> = events.iter().map(|event| (event.axes, event.directions)).collect();
@@ -82,7 +84,8 @@ fn assert_replayed(board: &BoardFacts, bytes: &[u8], events: &[Event]) -> BlackB
     assert!(!contents.is_damaged && contents.has_memory);
     let mut replayed = Vec::new();
     replay_made(&contents, |step| replayed.push((step.tick, step.axes, step.backwards)));
-    // A quarter of the ring is kept for what was played: 2048 slots with one port of motors, 1024 with two.
+    // A quarter of the ring is kept for what was played: 2048 slots with one port of
+    // motors, 1024 with two.
     assert!(contents.past.next > 100 && replayed.len() > 250, "{}: {} events", board.name, replayed.len());
     let newest = &events[events.len().checked_sub(replayed.len()).unwrap()..];
     let offset_ns = newest[0].at_ns as f64 - replayed[0].0 as f64 * TICK_NS;

@@ -1,4 +1,5 @@
-//! A BLTouch at the Octopus's connector for one: homing, a mesh and lines that follow it, each of its faults, and every end of a program.
+//! A BLTouch at the Octopus's connector for one: homing, a mesh and lines that follow it, each of
+//! its faults, and every end of a program.
 
 use ferrostep_mainboard::parts::bltouch::{Fault, Record};
 

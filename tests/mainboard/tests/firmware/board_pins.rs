@@ -1,5 +1,5 @@
-//! The image's effect on heaters, fans and motors: none before the first command, the right pins on command, and off
-//! with the heaters first after a failure of the firmware.
+//! The image's effect on heaters, fans and motors: none before the first command, the right pins on
+//! command, and off with the heaters first after a failure of the firmware.
 
 use std::path::Path;
 
@@ -26,7 +26,8 @@ const OFF_THE_BUS: u32 = 1 << 1;
 /// An address without memory.
 const NOWHERE: u32 = 0x6000_0000;
 
-/// The state after some stores; panics if a heater is on at any time, or a motor is on before `may_move`.
+/// The state after some stores; panics if a heater is on at any time, or a motor is on
+/// before `may_move`.
 fn state_after(board: &BoardFacts, writes: &[PortWrite], may_move: bool) -> PortState {
     let (heaters, enable) = (board.heater_pins(), board.all_enable());
     let spare: Vec<_> = board.spare.iter().map(|name| pin(name)).collect();
@@ -339,8 +340,8 @@ fn assert_ends_safely(board: &'static BoardFacts, last_words: &str, go_wrong: im
     });
 }
 
-/// The stores from the one on that switches the first heater off: before the failure the control switches heaters in normal
-/// operation.
+/// The stores from the one on that switches the first heater off: before the failure the control
+/// switches heaters in normal operation.
 fn stores_from_switching_off<'a>(board: &BoardFacts, writes: &'a [PortWrite]) -> &'a [PortWrite] {
     let Some(motors_off) = writes.iter().position(|write| write.level(pin(board.enable[0])) == Some(true)) else {
         return &[];
@@ -352,7 +353,8 @@ fn stores_from_switching_off<'a>(board: &BoardFacts, writes: &'a [PortWrite]) ->
     &writes[last - before..]
 }
 
-/// Checks that the fans of part and hot end, the first two, are plain outputs and high, and no other fan is.
+/// Checks that the fans of part and hot end, the first two, are plain outputs and high, and
+/// no other fan is.
 fn assert_fans_blow(board: &BoardFacts, state: &PortState) {
     for (index, fan) in board.fans.iter().map(|name| pin(name)).enumerate() {
         assert!(state.is_output(fan) && state.is_high(fan) == (index < 2), "{}: fan {fan:?}", board.name);
@@ -362,7 +364,8 @@ fn assert_fans_blow(board: &BoardFacts, state: &PortState) {
 /// `bx r2`: jumps to the address in it.
 const JUMP: u16 = 0x4710;
 
-/// Lets the processor jump to a check of the image that fails: the undefined instruction there. Returns its address.
+/// Lets the processor jump to a check of the image that fails: the undefined instruction there.
+/// Returns its address.
 pub fn force_panic(image: &Path, bench: &mut Bench) -> u32 {
     let code = Code::of(image).unwrap();
     let is_of_planner = |address: u32| code.function(address).contains("ferrostep_planner");

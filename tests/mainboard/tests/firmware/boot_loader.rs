@@ -7,15 +7,15 @@ use crate::firmware::bench::Bench;
 use crate::firmware::foreign_code::{PROGRAM, load};
 use crate::firmware::images::image_of;
 
-/// Masks all of RTIC's priorities but the highest, and selects a separate stack: `movs r0, #0x10; msr basepri, r0;
-/// movs r0, #2; msr control, r0; isb`.
+/// Masks all of RTIC's priorities but the highest, and selects a separate stack:
+/// `movs r0, #0x10; msr basepri, r0; movs r0, #2; msr control, r0; isb`.
 const MASKS: [u16; 8] = [0x2010, 0xf380, 0x8811, 0x2002, 0xf380, 0x8814, 0xf3bf, 0x8f6f];
 
 /// `mov sp, r2; bx r1`.
 const LEAVE: [u16; 2] = [0x4695, 0x4708];
 
-/// With masks in force the image could never receive from its host; with another stack it would overwrite the other's
-/// memory.
+/// With masks in force the image could never receive from its host; with another stack it would
+/// overwrite the other's memory.
 #[test]
 fn an_image_starts_with_any_masks_and_stack() {
     for board in &BOARDS {

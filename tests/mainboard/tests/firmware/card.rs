@@ -1,4 +1,5 @@
-//! The Octopus's image with a card in its slot: lists, prints, cards that are pulled out, slow or damaged, and power cuts.
+//! The Octopus's image with a card in its slot: lists, prints, cards that are pulled out, slow or
+//! damaged, and power cuts.
 //!
 //! The card's volume is made and read by fatfs.
 
@@ -201,7 +202,8 @@ fn a_file_is_written_and_read_by_others() {
     assert_eq!(read, text);
 }
 
-/// A card may be busy for 500 ms after a block (4.6.2.2), whether or not the SDIO waits for it; and a contact may be bad for a moment.
+/// A card may be busy for 500 ms after a block (4.6.2.2), whether or not the SDIO waits for it; and
+/// a contact may be bad for a moment.
 #[test]
 fn slow_cards_and_single_faults_stop_no_print() {
     let mut bench = boot(card(&[("A.GCO", &long_program())]));

@@ -1,4 +1,5 @@
-//! A chamber at the Octopus's connectors for a second nozzle: the image heats it, reads it and halts for it.
+//! A chamber at the Octopus's connectors for a second nozzle: the image heats it, reads it
+//! and halts for it.
 
 use ferrostep_mainboard::parts::heat::thermistor::SensorFault;
 use ferrostep_testkit::boards::pin;

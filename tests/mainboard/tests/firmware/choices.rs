@@ -20,11 +20,13 @@ const BEFORE: usize = 30;
 /// Moves of the first layer that every method makes.
 const MOVES: usize = 14;
 
-/// Instructions per second of a processor that is fast enough for every method: a slower one slows moves down, at
-/// places that the desk cannot know (docs/src/overload.md). A faster one would not await the converter's first readings.
+/// Instructions per second of a processor that is fast enough for every method: a slower one slows
+/// moves down, at places that the desk cannot know (docs/src/overload.md). A faster one would not
+/// await the converter's first readings.
 const QUICK: NonZeroU64 = NonZeroU64::new(500_000_000).unwrap();
 
-/// Layers of the gyroid whose infill every method makes: its curves turn from along Y to along X and back with height.
+/// Layers of the gyroid whose infill every method makes: its curves turn from along Y to along X
+/// and back with height.
 const GYROID_HEIGHTS_MM: [&str; 3] = ["5", "15.2", "25"];
 
 /// Printing moves of each method, of 0.2 to 1 mm, besides the moves between curves.

@@ -1,4 +1,5 @@
-//! M500 to M504 on a board that keeps its settings in an EEPROM: the image against the model of the chip on its two wires.
+//! M500 to M504 on a board that keeps its settings in an EEPROM: the image against the model of the
+//! chip on its two wires.
 
 use ferrostep_mainboard::machine::Machine;
 use ferrostep_mainboard::parts::at24c32::At24c32;
@@ -102,7 +103,8 @@ fn settings_survive_a_reset_and_a_power_cut() {
     assert_eq!(feed(&mut bench), PROFILES);
 }
 
-/// Heaters stay under control while the slowest chip writes the longest record, and the watchdog is content.
+/// Heaters stay under control while the slowest chip writes the longest record, and the
+/// watchdog is content.
 #[test]
 fn heat_goes_on_while_it_writes() {
     let (mut bench, _) = boot(|chip| chip.set_write_ns(10_000_000));
@@ -202,7 +204,8 @@ fn a_power_cut_leaves_the_old_settings_or_the_new() {
         }
         bench.host.send("M203 X152").unwrap();
         bench.host.send_raw(b"M500\n").unwrap();
-        // The erasure of 32 pages and 11 pages of the record take some 450 ms, reading before and after 200 ms.
+        // The erasure of 32 pages and 11 pages of the record take some 450 ms, reading before
+        // and after 200 ms.
         bench.wait_us(20_000 + 280_000 * round);
         let now_ns = bench.now_ns();
         let left = with_chip(&mut bench, move |chip| {

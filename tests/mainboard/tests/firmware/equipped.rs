@@ -1,5 +1,6 @@
-//! An Octopus with all that a profile may add, in one image: a supply and a light that are switched, a module that says that the supply fails, a probe with
-//! a pin, a chamber, and a sensor that sees filament move with a switch beside it. It fits the flash, or it is not built.
+//! An Octopus with all that a profile may add, in one image: a supply and a light that are
+//! switched, a module that says that the supply fails, a probe with a pin, a chamber, and a sensor
+//! that sees filament move with a switch beside it. It fits the flash, or it is not built.
 
 use std::sync::OnceLock;
 
@@ -11,7 +12,8 @@ use crate::firmware::images::{Variant, changed};
 /// Detection length of the sensor by its maker, mm.
 pub const DETECTION_MM: f64 = 3.0;
 
-/// A supply that is on while its input is low, as ATX supplies are, a module at PWR-DET, and a light.
+/// A supply that is on while its input is low, as ATX supplies are, a module at
+/// PWR-DET, and a light.
 const SUPPLY_AND_LIGHT: &str = r#"
 [power_supply]
 on_is_low = true
@@ -66,7 +68,8 @@ back_off_mm = 3
 [bltouch]
 "#;
 
-/// The switch beside the sensor that sees filament move, which connects its pin to the supply while there is filament.
+/// The switch beside the sensor that sees filament move, which connects its pin to the supply while
+/// there is filament.
 const SWITCH: &str = "[filament_switch]\nmissing_is_low = true\n";
 
 /// The board.

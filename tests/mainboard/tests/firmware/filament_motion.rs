@@ -1,5 +1,6 @@
-//! A sensor that sees filament move, on the Octopus: its encoder is turned by the extruder's real steps. A print is never paused by it, a
-//! jam pauses it, and afterwards it continues as if nothing had jammed.
+//! A sensor that sees filament move, on the Octopus: its encoder is turned by the extruder's real
+//! steps. A print is never paused by it, a jam pauses it, and afterwards it continues as if
+//! nothing had jammed.
 
 use ferrostep_mainboard::parts::encoder::{FilamentEncoder, FilamentFault};
 
@@ -110,7 +111,8 @@ fn a_jam_pauses_the_print_which_then_goes_on_as_if_there_had_been_none() {
     assert!(before + after >= expected.len() && made.len() > expected.len());
 }
 
-/// The filament's end passes the switch, with some of it still between switch and encoder: the switch speaks, and alone.
+/// The filament's end passes the switch, with some of it still between switch and encoder: the
+/// switch speaks, and alone.
 #[test]
 fn the_switch_beside_it_pauses_the_print_and_says_so() {
     let job = Job::cube(LINES);

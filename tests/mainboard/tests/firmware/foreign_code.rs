@@ -1,4 +1,5 @@
-//! Code that no image contains, executed in place of its sleep, to simulate a stray jump or damaged memory.
+//! Code that no image contains, executed in place of its sleep, to simulate a stray jump
+//! or damaged memory.
 
 use std::path::Path;
 
@@ -27,10 +28,11 @@ pub fn load(register: u16, constant: u32) -> [u16; 4] {
 /// `b .`
 pub const STAND_STILL: u16 = 0xe7fe;
 
-/// The code in place of the image's function that sleeps: sleeps, reads [`JUMP_TARGET`], and either clears it and jumps
-/// there or returns.
+/// The code in place of the image's function that sleeps: sleeps, reads [`JUMP_TARGET`], and either
+/// clears it and jumps there or returns.
 fn stub() -> Vec<u16> {
-    // wfi; r3 = JUMP_TARGET; ldr r2, [r3]; cmp r2, #0; beq to the return; movs r0, #0; str r0, [r3]; bx r2; pop {r7, pc}
+    // wfi; r3 = JUMP_TARGET; ldr r2, [r3]; cmp r2, #0; beq to the return; movs r0, #0; str r0,
+    // [r3]; bx r2; pop {r7, pc}
     [&[0xbf30][..], &load(3, JUMP_TARGET), &[0x681a, 0x2a00, 0xd002, 0x2000, 0x6018, 0x4710, RETURN]].concat()
 }
 

@@ -1,7 +1,7 @@
 //! Messages of a halted board.
 
-/// The errors in what was heard, but for those that follow a refused line at once: every line that a halted board refuses
-/// ends in an error, so that its host stops the print.
+/// The errors in what was heard, but for those that follow a refused line at once: every line that
+/// a halted board refuses ends in an error, so that its host stops the print.
 pub fn errors_by_themselves(heard: &[String]) -> Vec<&str> {
     let is_refusal = |line: &String| line.contains("M999");
     let prompted = |index: usize| index.checked_sub(1).is_some_and(|before| is_refusal(&heard[before]));

@@ -3,8 +3,8 @@
 use crate::firmware::bench::Bench;
 use crate::firmware::halted::errors_by_themselves;
 
-/// A nozzle that heats, and its temperature far above the maximum of 275 degrees: the mainboard's thermistor follows its B constant, by
-/// which it reads 20 degrees less there.
+/// A nozzle that heats, and its temperature far above the maximum of 275 degrees: the mainboard's
+/// thermistor follows its B constant, by which it reads 20 degrees less there.
 const HEAT: &str = "M104 S260";
 const TOO_HOT_CELSIUS: f64 = 310.0;
 
@@ -43,8 +43,8 @@ fn an_overheated_nozzle_stops_everything_with_an_error() {
     assert_reported_once(&mut bench);
     assert!(bench.pins().events().len() < MOVES * 32_000, "the motion was over: nothing can be stopped");
 
-    // The machine accepts commands after M999 only, which switches nothing on; the bed is off too, although it did not
-    // fail.
+    // The machine accepts commands after M999 only, which switches nothing on; the bed is off too,
+    // although it did not fail.
     bench.host.send_raw(b"G1 X5\n").unwrap();
     bench.host.wait_for("a refusal", |line| line.contains("M999")).unwrap();
     bench.host.wait_for("ok", |line| line == "ok").unwrap();

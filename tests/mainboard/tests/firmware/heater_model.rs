@@ -1,4 +1,5 @@
-//! A nozzle that is controlled by its model, on the Octopus: the image finds the model, prints by it, and knows how fast filament is melted.
+//! A nozzle that is controlled by its model, on the Octopus: the image finds the model, prints by
+//! it, and knows how fast filament is melted.
 
 use std::sync::OnceLock;
 
@@ -7,7 +8,8 @@ use crate::firmware::equipped::octopus;
 use crate::firmware::images::{Variant, changed};
 use crate::firmware::job::Job;
 
-/// A small hot end, so that a test need not wait: what the plant has, and what the image is told before it finds out.
+/// A small hot end, so that a test need not wait: what the plant has, and what the image is told
+/// before it finds out.
 const TABLES: &str = "[nozzle]\nmodel = { power_w = 40, capacity_j_per_k = 6, loss_w_per_k = 0.068, fan_loss_w_per_k = 0.029, \
      dead_time_s = 0.3 }\ncontrol_model = { power_w = 40, capacity_j_per_k = 12, loss_w_per_k = 0.1, fanned_loss_w_per_k = 0.1, \
      sensor_per_s = 0.5 }\n";
@@ -64,7 +66,8 @@ fn tune(bench: &mut Bench) -> String {
     found
 }
 
-/// Greatest distance of the nozzle from this temperature while 15 mm^3/s are pushed for 12 s, and for 12 s after.
+/// Greatest distance of the nozzle from this temperature while 15 mm^3/s are pushed for 12 s,
+/// and for 12 s after.
 fn disturbance(bench: &mut Bench, at_rest: f64) -> f64 {
     let mut worst = 0.0_f64;
     bench.host.send("G92 E0").unwrap();
@@ -85,14 +88,16 @@ fn an_image_finds_its_nozzle_s_model_and_prints_by_it() {
     bench.host.wait_for("a refusal", |line| line.contains("a model controls this heater")).unwrap();
     bench.host.wait_for("ok", |line| line == "ok").unwrap();
     let found = tune(&mut bench);
-    // The plant's constants, and with its lag of 0.5 s the dead time of 0.3 s and the image's own filter of 0.2 s.
+    // The plant's constants, and with its lag of 0.5 s the dead time of 0.3 s and the image's own
+    // filter of 0.2 s.
     for (letter, is, share) in [('C', 6.0, 0.1), ('A', 0.068, 0.1), ('F', 0.097, 0.1), ('R', 1.0, 0.3)] {
         let number = number(&found, letter);
         assert!((number / is - 1.0).abs() < share, "{letter}: {number} of {is}, {found}");
     }
     assert_eq!(bench.host.ask("M306", "echo:M306").unwrap(), found, "what was found is in force");
 
-    // The plant's thermistor follows its maker's beta, the image the table: what it holds for 210 degrees.
+    // The plant's thermistor follows its maker's beta, the image the table: what it holds
+    // for 210 degrees.
     bench.host.send("M109 S210").unwrap();
     bench.pass(10_000);
     let at_rest = celsius(&mut bench);

@@ -1,4 +1,5 @@
-//! Printer boards heat with the right pins, monitor their thermistors, and switch off when these cannot be read.
+//! Printer boards heat with the right pins, monitor their thermistors, and switch off when
+//! these cannot be read.
 
 use ferrostep_mainboard::machine::Machine;
 use ferrostep_mainboard::parts::heat::thermistor::SensorFault;
@@ -200,7 +201,8 @@ fn missing_thermistors_are_reported_and_prevent_heating() {
     }
 }
 
-/// A host that has vanished: after M86's time no heater of a real board has power, and the machine is not halted.
+/// A host that has vanished: after M86's time no heater of a real board has power, and the
+/// machine is not halted.
 #[test]
 fn unused_heaters_go_off() {
     for board in printers() {

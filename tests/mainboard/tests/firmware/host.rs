@@ -15,8 +15,8 @@ pub trait Port {
     /// The printer has ended.
     fn send(&mut self, bytes: &[u8]) -> Result<(), String>;
 
-    /// The next line from the printer, without its end; `None` if none has arrived at this instant of the printer's
-    /// time, ns.
+    /// The next line from the printer, without its end; `None` if none has arrived at this instant
+    /// of the printer's time, ns.
     ///
     /// # Errors
     /// The printer has ended.
@@ -152,7 +152,8 @@ impl<P: Port> Host<P> {
         self.wait_for_ok()
     }
 
-    /// Sends a command as the next numbered line and waits for its acknowledgement, with resends on request.
+    /// Sends a command as the next numbered line and waits for its acknowledgement, with
+    /// resends on request.
     ///
     /// # Errors
     /// See [`HostError`].
@@ -177,7 +178,8 @@ impl<P: Port> Host<P> {
     pub fn ask(&mut self, command: &str, prefix: &str) -> Result<String, HostError> {
         self.history.push(command.to_owned());
         loop {
-            // The answer precedes the last `ok`; after a garbled line an additional `ok` may precede it.
+            // The answer precedes the last `ok`; after a garbled line an additional
+            // `ok` may precede it.
             let mut answer = None;
             while self.next < self.history.len() {
                 self.transmit()?;

@@ -5,10 +5,12 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::{Mutex, PoisonError};
 
-/// Variables that a toolchain sets for its programs; the image needs the main workspace's own toolchain.
+/// Variables that a toolchain sets for its programs; the image needs the main
+/// workspace's own toolchain.
 const OF_THIS_TOOLCHAIN: [&str; 5] = ["CARGO", "RUSTC", "RUSTDOC", "RUSTUP_TOOLCHAIN", "RUSTFLAGS"];
 
-/// The path of a board's image, which is built if it is missing. Its other files are in the same folder.
+/// The path of a board's image, which is built if it is missing. Its other files are in
+/// the same folder.
 pub fn image_of(board: &str) -> PathBuf {
     static KNOWN: Mutex<BTreeMap<String, PathBuf>> = Mutex::new(BTreeMap::new());
     // One test builds while the others wait.

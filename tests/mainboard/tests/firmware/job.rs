@@ -48,7 +48,8 @@ pub struct Job {
 }
 
 impl Job {
-    /// The first `count` non-empty lines of the cube: heating, homing, skirt, first layer, retractions.
+    /// The first `count` non-empty lines of the cube: heating, homing, skirt, first
+    /// layer, retractions.
     pub fn cube(count: usize) -> Self {
         let mut job = Self::example("cube.gcode");
         job.lines.retain(|(line, _)| !line.is_empty());
@@ -67,8 +68,8 @@ impl Job {
         Self { file, lines: text.lines().map(content).zip(1..).collect() }
     }
 
-    /// The lines before the cube's first layer, then some moves of its infill again and again, with each method of
-    /// M796.
+    /// The lines before the cube's first layer, then some moves of its infill again and again, with
+    /// each method of M796.
     pub fn cube_with_every_method(before: usize, moves: usize) -> Self {
         let cube = Self::cube(320);
         let (start, layer) = cube.lines.split_at(before);
@@ -90,8 +91,8 @@ impl Job {
         Self { lines, ..cube }
     }
 
-    /// The gyroid's modes and homing, then the first moves of the infill of some layers with each method, given as a
-    /// line of M796.
+    /// The gyroid's modes and homing, then the first moves of the infill of some layers with each
+    /// method, given as a line of M796.
     pub fn gyroid_with(methods: &[&str], heights_mm: &[&str], moves: usize) -> Self {
         let gyroid = Self::example("gyroid.gcode.gz");
         let first_move = gyroid.lines.iter().position(|(line, _)| line.starts_with("G1 ")).unwrap();
@@ -110,7 +111,8 @@ impl Job {
             let (last, _) = infill.iter().enumerate().filter(is_move).nth(moves).unwrap();
             for method in methods {
                 lines.push(((*method).to_owned(), 0));
-                // The start of the infill, then its speed, its moves, and the moves to the next curve.
+                // The start of the infill, then its speed, its moves, and the moves
+                // to the next curve.
                 let (start, number) = &infill[first];
                 let start = start.split(" E").next().unwrap_or_default();
                 lines.push((format!("{start} Z{height_mm} F9000"), *number));
@@ -131,8 +133,8 @@ impl Job {
         self
     }
 
-    /// Replaces homing by G92 with the place where the mainboard's mechanics stand at the start, for tests that compare all steps: those
-    /// of homing depend on where the end stops trigger.
+    /// Replaces homing by G92 with the place where the mainboard's mechanics stand at the start,
+    /// for tests that compare all steps: those of homing depend on where the end stops trigger.
     pub fn without_homing(mut self) -> Self {
         for (line, _) in &mut self.lines {
             if line.starts_with("G28") {

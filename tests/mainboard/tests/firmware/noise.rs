@@ -21,8 +21,8 @@ impl Noise {
         self.corrupted
     }
 
-    /// Flips a bit of some lines, never in the last byte, the line end: a printer that misses it has nothing to answer,
-    /// and only the host's patience helps.
+    /// Flips a bit of some lines, never in the last byte, the line end: a printer that misses it
+    /// has nothing to answer, and only the host's patience helps.
     pub fn pass(&mut self, line: &mut [u8]) {
         let length = line.len().saturating_sub(1);
         if !self.next().is_multiple_of(Self::ONE_IN) {

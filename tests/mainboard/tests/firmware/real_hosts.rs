@@ -1,7 +1,7 @@
 //! printcore and OctoPrint print to an image, over the line that `serve` opens for them.
 //!
-//! They run on this computer's clock, which may be too slow for the machine's: then the machine brakes for want of lines, and its
-//! steps are the desk's, but not their times.
+//! They run on this computer's clock, which may be too slow for the machine's: then the machine
+//! brakes for want of lines, and its steps are the desk's, but not their times.
 
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
@@ -18,8 +18,9 @@ use crate::firmware::same_steps::{LINES, Motion};
 /// Seconds of the machine for each of ours, as far as this computer keeps up.
 const SPEED: &str = "4";
 
-/// One line in ten has a wrong bit, one in a hundred is lost: from when the hosts are connected, as neither can send its first line
-/// again. (Of two wrong bits in a line the protocol's checksum misses one pair in eight.)
+/// One line in ten has a wrong bit, one in a hundred is lost: from when the hosts are connected, as
+/// neither can send its first line again. (Of two wrong bits in a line the protocol's checksum
+/// misses one pair in eight.)
 const BAD_LINE: [&str; 2] = ["flip-line:10%@8", "drop-line:1%@8"];
 
 /// Lines of the job in which a person acts, and after how many of them: in the skirt.
@@ -102,8 +103,8 @@ fn assert_printed(figures: &Value, job: &Job) {
     }
 }
 
-/// Nothing went wrong on the line, and nothing was refused but what the image heard half of while it started, and the move in which
-/// M112 came.
+/// Nothing went wrong on the line, and nothing was refused but what the image heard half of while
+/// it started, and the move in which M112 came.
 #[track_caller]
 fn assert_clean(seen: &Value) {
     assert_eq!((seen["resends"].as_u64(), seen["errors"].as_array().map(Vec::len)), (Some(0), Some(0)), "{seen}");
@@ -167,7 +168,8 @@ fn printcore_comes_back_to_an_image_and_prints() {
     assert!(steps[3] > Rehearsal::of(&job).figures.motor_steps[3] * 5 / 4, "{seen}");
 }
 
-/// By its buttons: print, pause and resume, cancel, emergency stop, new connection; then a print over a bad line.
+/// By its buttons: print, pause and resume, cancel, emergency stop, new connection; then a print
+/// over a bad line.
 #[test]
 fn octoprint_prints_pauses_cancels_and_stops_an_image() {
     let (job, file) = file("octoprint.gcode", LINES_WITH_A_PERSON);
@@ -180,7 +182,8 @@ fn octoprint_prints_pauses_cancels_and_stops_an_image() {
     assert_printed(&seen["printed"], &job);
     assert_cold(&seen["cancelled"]);
     assert_cold(&seen["restarted"]);
-    // The filament of a print with a pause in it is that of one without. (The way to the end stops is another one.)
+    // The filament of a print with a pause in it is that of one without. (The way to the end stops
+    // is another one.)
     let filament = Motion::parse(seen["paused"].as_str().unwrap()).steps[3];
     assert!(filament.abs_diff(2 * Rehearsal::of(&job).figures.motor_steps[3]) <= 1, "{seen}");
     assert!(seen["bad_line_resends"].as_u64() > Some(5), "{seen}");

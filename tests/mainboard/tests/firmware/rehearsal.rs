@@ -94,7 +94,8 @@ impl Rehearsal {
         }
     }
 
-    /// Fails at the first difference unless the pins end with exactly the rehearsal's events after homing, none of them late.
+    /// Fails at the first difference unless the pins end with exactly the rehearsal's events after
+    /// homing, none of them late.
     pub fn assert_same_events_after_homing(&self, job: &Job, pins: &PinLog) {
         let steps = self.events.iter().zip(&self.ticks).zip(&self.lines).skip(self.homed);
         let desk: Vec<_> = steps

@@ -43,8 +43,9 @@ impl Motion {
     }
 }
 
-/// Waits for the end of motion, switches the machine off, and compares its report and its pins with the desk's print of
-/// the same job: all steps and the digests of their order and times, or after homing the pins' steps and times.
+/// Waits for the end of motion, switches the machine off, and compares its report and its pins with
+/// the desk's print of the same job: all steps and the digests of their order and times, or after
+/// homing the pins' steps and times.
 pub fn assert_printed_as_rehearsed(bench: Bench, job: &Job) {
     assert_printed_as(bench, job, Rehearsal::of);
 }

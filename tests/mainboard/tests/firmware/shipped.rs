@@ -1,4 +1,5 @@
-//! The files for boot loaders and programmers: the board starts from them, and they contain their version.
+//! The files for boot loaders and programmers: the board starts from them, and they
+//! contain their version.
 
 use ferrostep_testkit::boards::BOARDS;
 

@@ -1,5 +1,5 @@
-//! A power supply that the Octopus switches, and a light at one of its outputs for fans: by command, at every halt, and after a crash
-//! of the firmware.
+//! A power supply that the Octopus switches, and a light at one of its outputs for fans: by
+//! command, at every halt, and after a crash of the firmware.
 
 use ferrostep_mainboard::parts::heat::HeaterFault;
 use ferrostep_testkit::boards::pin;
@@ -25,7 +25,8 @@ fn set_signal(bench: &mut Bench, fails: bool) {
     });
 }
 
-/// True if the pin, which must be driven, switches the supply on; and true if motors and heaters have their voltage.
+/// True if the pin, which must be driven, switches the supply on; and true if motors and heaters
+/// have their voltage.
 fn supply(bench: &mut Bench) -> (bool, bool) {
     let state = bench.state();
     assert!(state.is_output(pin(SUPPLY)));
@@ -37,7 +38,8 @@ fn supply(bench: &mut Bench) -> (bool, bool) {
 fn m80_and_m81_switch_the_supply_and_the_drivers_are_set_up_again() {
     let mut bench = boot();
     assert_eq!(supply(&mut bench), (true, true));
-    // Only ever low or an input before the first command: the supply does not go off and on at the start.
+    // Only ever low or an input before the first command: the supply does not go off and
+    // on at the start.
     assert!(!bench.port_writes().iter().any(|write| write.level(pin(SUPPLY)) == Some(true)));
     assert_eq!(bench.host.ask("M115", "Cap:SOFTWARE_POWER").unwrap(), "Cap:SOFTWARE_POWER:1");
     for line in ["G91", "G1 X1 F1200", "M400", "M104 S60"] {
@@ -69,7 +71,8 @@ fn m80_and_m81_switch_the_supply_and_the_drivers_are_set_up_again() {
     });
 }
 
-/// The host prints, so that there is no place to keep: motors and heaters go off, before the module is empty.
+/// The host prints, so that there is no place to keep: motors and heaters go off, before the
+/// module is empty.
 #[test]
 fn a_module_that_says_that_the_supply_fails_halts_the_machine() {
     let mut bench = boot();
@@ -145,7 +148,8 @@ fn every_halt_and_every_crash_switches_it_off() {
     assert_eq!(supply(&mut bench), (false, false));
 }
 
-/// The transistor of the nozzle's heater fails closed: its own switch has no effect, the supply's has.
+/// The transistor of the nozzle's heater fails closed: its own switch has no effect,
+/// the supply's has.
 #[test]
 fn a_transistor_that_has_failed_closed_is_without_power_when_it_is_noticed() {
     let mut bench = boot();

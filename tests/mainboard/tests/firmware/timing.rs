@@ -1,4 +1,5 @@
-//! M798: histograms of the step interrupt and of planning, switched on and off during a print that they do not change.
+//! M798: histograms of the step interrupt and of planning, switched on and off during a print that
+//! they do not change.
 
 use crate::firmware::bench::Bench;
 use crate::firmware::job::Job;

@@ -1,6 +1,7 @@
 //! Two extruders on the Octopus: T1's motor in the socket e1, its nozzle at HE1 and TH1.
 //!
-//! What is compared is where the model's motors stand and what its heaters get, not what the firmware reports.
+//! What is compared is where the model's motors stand and what its heaters get, not what the
+//! firmware reports.
 
 use std::sync::OnceLock;
 
@@ -177,7 +178,8 @@ fn macros_come_before_and_after_a_change() {
     assert!(near((a + b) / 2.0, -OFFSET_MM[0]), "{a} {b}");
 }
 
-/// The chips' registers by the data sheet's formula (section 9): with 0.11 ohm and 0.18 V 979 mA at a scale of 32.
+/// The chips' registers by the data sheet's formula (section 9): with 0.11 ohm and 0.18 V 979 mA
+/// at a scale of 32.
 #[test]
 fn the_second_motor_s_driver_is_set_by_its_tool() {
     let mut bench = boot();

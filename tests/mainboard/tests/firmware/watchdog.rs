@@ -7,8 +7,8 @@ use crate::firmware::board_pins::force_panic;
 use crate::firmware::foreign_code::STAND_STILL;
 use crate::firmware::images::image_of;
 
-/// Replaces the idle task: masks interrupts of RTIC's priority 4 and below, the planner and all lower tasks, for ever.
-/// `movs r0, #0xc0; msr basepri, r0; b .`
+/// Replaces the idle task: masks interrupts of RTIC's priority 4 and below, the planner and all
+/// lower tasks, for ever. `movs r0, #0xc0; msr basepri, r0; b .`
 pub const NO_PLANNER: [u16; 4] = [0x20c0, 0xf380, 0x8811, STAND_STILL];
 
 /// Masks all interrupts: `cpsid i; b .`
@@ -64,7 +64,8 @@ fn a_stuck_planner_starves_the_watchdog() {
         bench.execute(&NO_PLANNER);
         let silent_s = starved_s(&mut bench);
         assert!((0.95..1.1).contains(&(silent_s / TIMEOUT_S)), "{}: {silent_s} s", board.name);
-        // The planner may be silent for a second, a hundred samples of the heaters' control, which continues.
+        // The planner may be silent for a second, a hundred samples of the heaters' control,
+        // which continues.
         let stores = bench.stores();
         let restart = stores.iter().rposition(|store| (store.address, store.value) == (KEY, START)).unwrap();
         let feeds = stores[..restart].iter().filter(|store| (store.address, store.value) == (KEY, FEED));

@@ -1,4 +1,5 @@
-//! Three motors lift the Octopus's Z and stand at different heights: G34 brings them to one, and every stop leaves them together again.
+//! Three motors lift the Octopus's Z and stand at different heights: G34 brings them to one, and
+//! every stop leaves them together again.
 //!
 //! What is compared is where the model's motors stand, not what the firmware reports.
 
@@ -129,7 +130,8 @@ fn motors_apart_are_brought_together() {
     let mut bench = boot();
     bench.host.send("G28").unwrap();
     let [second, third] = apart(&mut bench);
-    // Motors that get current snap to the nearest place of their field: at most two full steps of 0.04 mm.
+    // Motors that get current snap to the nearest place of their field: at most two full
+    // steps of 0.04 mm.
     assert!((second - OFF_MM[0]).abs() < 0.09 && (third - OFF_MM[1]).abs() < 0.09, "{second} {third}");
     assert!(tilt(&mut bench) > 1.0);
     bench.host.send("G34").unwrap();
@@ -149,7 +151,8 @@ fn motors_apart_are_brought_together() {
     assert_eq!(now.map(|field| field - now[0]), before.map(|field| field - before[0]));
 }
 
-/// Each way to end G34 while one motor moves alone: nothing moves any more, Z is not home, and all motors step together again.
+/// Each way to end G34 while one motor moves alone: nothing moves any more, Z is not home, and all
+/// motors step together again.
 #[test]
 fn a_stop_in_the_midst_leaves_no_motor_out() {
     let mut bench = boot();
@@ -158,7 +161,8 @@ fn a_stop_in_the_midst_leaves_no_motor_out() {
         let begun = apart(&mut bench);
         bench.host.send_raw(b"G34\n").unwrap();
         let mut looks = 0;
-        // The second motor is the lowest but one, or the third the lowest: one of them moves alone, or both beside the first.
+        // The second motor is the lowest but one, or the third the lowest: one of them moves alone,
+        // or both beside the first.
         while apart(&mut bench).iter().zip(begun).all(|(now, begun)| (now - begun).abs() < 0.15) {
             bench.wait_us(2_000);
             looks += 1;

@@ -1,6 +1,7 @@
 //! 3.1 and 3.2: leftovers of a boot loader, lost first accesses, and the voltage scale.
 //!
-//! The same short job after a start from reset and after a boot loader: replies, steps and heat must be equal.
+//! The same short job after a start from reset and after a boot loader: replies, steps and
+//! heat must be equal.
 
 use std::sync::OnceLock;
 
@@ -97,8 +98,8 @@ fn behaviour(done: &Finished<ScenarioRun<ShortJob>>) -> Behaviour {
     let mut decoder = machine.decoder.clone();
     // Earlier events belong to the boot loader.
     let events: Vec<_> = decoder.finish().iter().filter(|event| event.at_ns > MS).collect();
-    // The first step comes at an update of a timer that runs already, at most an idle interval after its start was asked for; the others are
-    // at their times after that update.
+    // The first step comes at an update of a timer that runs already, at most an idle interval
+    // after its start was asked for; the others are at their times after that update.
     let time_ns = events.get(1).zip(events.last()).map_or(0, |(second, last)| last.at_ns - second.at_ns);
     let celsius = talk.heard.iter().find_map(|(_, line)| {
         let (_, rest) = line.split_once("T:")?;

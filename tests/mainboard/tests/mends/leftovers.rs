@@ -1,4 +1,5 @@
-//! Leftovers of boot loaders, one kind a function. Addresses: RM0090 2.3 and the chapters of the parts; PM0214 4.
+//! Leftovers of boot loaders, one kind a function. Addresses: RM0090 2.3 and the chapters of the
+//! parts; PM0214 4.
 
 use super::stub::Stub;
 
@@ -27,7 +28,8 @@ pub fn clocks_of_parts() -> Stub {
     stores(&[on.map(|(offset, bits)| (RCC + offset, bits)).as_slice(), &asleep].concat())
 }
 
-/// The core on a PLL at 120 MHz from the crystal, clock security and the second PLL on, a clock on a pin, the tree's interrupts on.
+/// The core on a PLL at 120 MHz from the crystal, clock security and the second PLL on, a clock on
+/// a pin, the tree's interrupts on.
 pub fn pll() -> Stub {
     let statements = vec![
         (RCC, 0x0001_0083, 0),
@@ -53,11 +55,13 @@ pub fn exti() -> Stub {
     clocks_of_parts().and(&stores(&[routes, lines].concat())).and(&interrupts())
 }
 
-/// All timers run at different rates, with interrupts and DMA requests; channels drive inverted signals.
+/// All timers run at different rates, with interrupts and DMA requests; channels drive
+/// inverted signals.
 pub fn timers() -> Stub {
     let mut words = Vec::new();
     for timer in [0x4000_0000, 0x4000_0400, 0x4000_0800, 0x4000_0C00, 0x4001_0000, 0x4001_0400] {
-        // CCMR1, CCMR2: PWM mode 2 with preload; CCER: all on, inverted; PSC, CNT, ARR; DIER; CR1: down; CR2: another trigger.
+        // CCMR1, CCMR2: PWM mode 2 with preload; CCER: all on, inverted; PSC, CNT, ARR; DIER; CR1:
+        // down; CR2: another trigger.
         let of_channels = [(0x18, 0x7878), (0x1C, 0x7878), (0x20, 0x3333), (0x30, 0), (0x34, 9), (0x44, 0xC000)];
         let of_counter = [(0x28, 11), (0x2C, 0xFFFF_FFFF), (0x14, 1), (0x2C, 50_000), (0x24, 0xFFFF_0000)];
         let of_rest = [(0x04, 0x30), (0x08, 0), (0x0C, 0x5F5F), (0x00, 0x91)];
@@ -73,7 +77,8 @@ pub fn timers() -> Stub {
     clocks_of_parts().and(&stores(&words)).and(&interrupts())
 }
 
-/// A converter in continuous mode, and a DMA stream that writes its samples over the image's RAM for ever.
+/// A converter in continuous mode, and a DMA stream that writes its samples over the
+/// image's RAM for ever.
 pub fn dma() -> Stub {
     let stream = 0x4002_6410;
     let words = [
@@ -150,7 +155,8 @@ pub fn guarded_stack() -> Stub {
     guarded(0x2000_0000, 16)
 }
 
-/// A region of 2 to the power of `log2` + 1 bytes without access; other addresses behave as without regions.
+/// A region of 2 to the power of `log2` + 1 bytes without access; other addresses behave as
+/// without regions.
 fn guarded(base: u32, log2: u32) -> Stub {
     stores(&[(SCB + 0x98, 0), (SCB + 0x9C, base), (SCB + 0xA0, 1 << 28 | log2 << 1 | 1), (SCB + 0x94, 0b101)])
 }

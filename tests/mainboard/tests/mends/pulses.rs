@@ -2,8 +2,8 @@
 
 use super::scene::{MS, S, SendLines, Setting, run_scenario};
 
-/// Instructions per second and entry, ns: the mean of the cycle model; two cycles an instruction; two cycles with wait
-/// states and an entry of 29 cycles.
+/// Instructions per second and entry, ns: the mean of the cycle model; two cycles an instruction;
+/// two cycles with wait states and an entry of 29 cycles.
 const PACES: [(u64, u64); 3] = [(120_000_000, 71), (84_000_000, 71), (60_000_000, 173)];
 /// 150 mm/s at 100 steps/mm.
 const CRUISE_NS: u64 = 66_667;

@@ -1,5 +1,5 @@
-//! A boot loader of one kind of statement: it stores words, waits for bits, and starts the image with its masks and
-//! stacks.
+//! A boot loader of one kind of statement: it stores words, waits for bits, and starts the image
+//! with its masks and stacks.
 
 use std::path::Path;
 
@@ -7,14 +7,16 @@ use rigless::image::Image;
 
 /// Its address: after the largest image, aligned for a vector table.
 pub const BASE: u32 = 0x080C_0000;
-/// Entries of its vector table: the stack pointer, then addresses of instructions, for 82 interrupts.
+/// Entries of its vector table: the stack pointer, then addresses of instructions,
+/// for 82 interrupts.
 const VECTORS: u32 = 16 + 82;
 /// Its own stack; the image's stack is elsewhere.
 const STACK: u32 = 0x2001_0000;
 
-/// For each record of the table after it (address, value, mask): a store if the mask is 0, else a wait until the masked
-/// word has the value. After a record of zeros: the image's vector table, CONTROL, BASEPRI, PRIMASK with FAULTMASK in bit 1, PSP,
-/// and MSP (0: the image's own, as correct boot loaders do).
+/// For each record of the table after it (address, value, mask): a store if the mask is 0, else a
+/// wait until the masked word has the value. After a record of zeros: the image's vector table,
+/// CONTROL, BASEPRI, PRIMASK with FAULTMASK in bit 1, PSP, and MSP (0: the image's own, as correct
+/// boot loaders do).
 ///
 /// ```text
 ///         cpsid i                        done:  ldmia r7!, {r0-r5}

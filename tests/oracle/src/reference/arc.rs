@@ -2,11 +2,13 @@
 
 use std::f64::consts::TAU;
 
-/// Maximum distance between a chord and its arc: 0.01 mm, as the firmware promises. Longer chords would change the motion
-/// time by a percent or two, because the arc that fits a junction grows with them.
+/// Maximum distance between a chord and its arc: 0.01 mm, as the firmware promises. Longer
+/// chords would change the motion time by a percent or two, because the arc that fits a junction
+/// grows with them.
 const CHORD_TOLERANCE_10NM: f64 = 1000.0;
 
-/// Maximum number of chords, more than any printable arc needs: it bounds the memory that a hostile line can demand.
+/// Maximum number of chords, more than any printable arc needs: it bounds the memory that a hostile
+/// line can demand.
 const CHORDS_MAX: f64 = 100_000.0;
 
 /// An arc in the X-Y plane, coordinates in units of 10 nm.
@@ -26,9 +28,10 @@ impl Arc {
         (offset != [0.0, 0.0]).then(|| [self.start[0] + offset[0], self.start[1] + offset[1]])
     }
 
-    /// The centre that R gives: on the right of the chord for a short clockwise arc, mirrored for the other
-    /// direction, and once more for a negative radius (the long way round). A radius shorter than half the chord
-    /// places the centre in the chord's middle. `None` if start and end are the same point.
+    /// The centre that R gives: on the right of the chord for a short clockwise arc, mirrored for
+    /// the other direction, and once more for a negative radius (the long way round). A radius
+    /// shorter than half the chord places the centre in the chord's middle. `None` if start and end
+    /// are the same point.
     pub fn centre_from_radius(&self, radius: f64) -> Option<[f64; 2]> {
         let half = [(self.end[0] - self.start[0]) / 2.0, (self.end[1] - self.start[1]) / 2.0];
         let half_length = half[0].hypot(half[1]);
@@ -41,7 +44,8 @@ impl Arc {
         Some([self.start[0] + half[0] - half[1] * along, self.start[1] + half[1] + half[0] * along])
     }
 
-    /// The points strictly between start and end, each with the part (0 to 1) of the arc covered up to it.
+    /// The points strictly between start and end, each with the part (0 to 1) of the arc
+    /// covered up to it.
     pub fn points_between(&self, centre: [f64; 2]) -> Vec<([f64; 2], f64)> {
         let from = [self.start[0] - centre[0], self.start[1] - centre[1]];
         let to = [self.end[0] - centre[0], self.end[1] - centre[1]];
@@ -60,7 +64,8 @@ impl Arc {
         for index in 1..chords as u32 {
             let part = f64::from(index) / chords;
             let (sine, cosine) = (angle * part).sin_cos();
-            // Slicers round, so the end is seldom exactly on the circle: the radius changes evenly towards it.
+            // Slicers round, so the end is seldom exactly on the circle: the radius changes
+            // evenly towards it.
             let scale = 1.0 + (end_radius / radius - 1.0) * part;
             let x = centre[0] + (from[0] * cosine - from[1] * sine) * scale;
             let y = centre[1] + (from[0] * sine + from[1] * cosine) * scale;

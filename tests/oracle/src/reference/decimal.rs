@@ -3,14 +3,17 @@
 /// Units of position in a millimetre: one unit is 10 nm.
 pub const UNITS_PER_MM: i64 = 100_000;
 
-/// Fraction digits kept. Cutting the rest cannot change a result that is rounded half away from zero at an earlier
-/// digit: a cut number stays on its side of the tie, and on the tie it is rounded up like the whole number.
+/// Fraction digits kept. Cutting the rest cannot change a result that is rounded half away from
+/// zero at an earlier digit: a cut number stays on its side of the tie, and on the tie it is
+/// rounded up like the whole number.
 const FRACTION_DIGITS: u32 = 12;
 
-/// Largest magnitude accepted before the decimal point. With it no product in this crate leaves an i128.
+/// Largest magnitude accepted before the decimal point. With it no product in this
+/// crate leaves an i128.
 const INTEGER_MAX: i128 = 1_000_000_000;
 
-/// An exact decimal number: `mantissa / 10^scale`, of magnitude below 10^9 + 1, with at most 12 fraction digits.
+/// An exact decimal number: `mantissa / 10^scale`, of magnitude below 10^9 + 1, with at most 12
+/// fraction digits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Decimal {
     mantissa: i128,
@@ -22,8 +25,8 @@ pub struct Decimal {
 pub struct OutOfRange;
 
 impl Decimal {
-    /// Reads the longest decimal number at the start of `text`: sign, digits, point, digits. No exponent: in G-code
-    /// `E` begins the next word. `None` without a digit.
+    /// Reads the longest decimal number at the start of `text`: sign, digits, point, digits. No
+    /// exponent: in G-code `E` begins the next word. `None` without a digit.
     ///
     /// # Errors
     /// `OutOfRange` if the integer part exceeds 10^9.
@@ -58,8 +61,8 @@ impl Decimal {
         Ok(Some(Self { mantissa: if negative { -mantissa } else { mantissa }, scale }))
     }
 
-    /// The decimal number that Rust prints for `value`: the shortest that reads back as it. That is the number a
-    /// person wrote in a profile. `None` if `value` is not finite or is out of range.
+    /// The decimal number that Rust prints for `value`: the shortest that reads back as it. That is
+    /// the number a person wrote in a profile. `None` if `value` is not finite or is out of range.
     pub fn from_f64(value: f64) -> Option<Self> {
         if !value.is_finite() {
             return None;

@@ -1,7 +1,8 @@
-//! The minimal G-code interpreter: Marlin's meaning of the commands that move or that change how to move.
+//! The minimal G-code interpreter: Marlin's meaning of the commands that move or that
+//! change how to move.
 //!
-//! Known: G0-G4, G10, G11, G20, G21, G28, G90-G92, M82, M83, M201, M203, M204, M205, M207, M208, M220, M221, and
-//! the commands that wait for motion to end. All other commands are ignored.
+//! Known: G0-G4, G10, G11, G20, G21, G28, G90-G92, M82, M83, M201, M203, M204, M205, M207, M208,
+//! M220, M221, and the commands that wait for motion to end. All other commands are ignored.
 
 mod settings;
 
@@ -172,7 +173,8 @@ impl State {
                     self.flow_percent = percent;
                 }
             }
-            // Dwell, probing, pauses, motors off, filament change, and waits for temperatures, moves or a pin.
+            // Dwell, probing, pauses, motors off, filament change, and waits for
+            // temperatures, moves or a pin.
             (b'G', 4 | 29 | 30) => self.stop_before = true,
             (b'M', 0 | 1 | 18 | 25 | 84 | 109 | 116 | 190 | 191 | 226 | 303 | 400 | 600) => self.stop_before = true,
             _ => {}
@@ -204,7 +206,8 @@ impl State {
         Ok(())
     }
 
-    /// Reads the words of a G0-G3, moves the extruder's coordinate, and returns the target before soft limits.
+    /// Reads the words of a G0-G3, moves the extruder's coordinate, and returns the target
+    /// before soft limits.
     fn target(&mut self, command: &Command<'_>) -> Result<Target, OutOfRange> {
         self.take_feed(command)?;
         let mut position = self.position_10nm;
@@ -397,7 +400,8 @@ impl State {
         self.homing_before = true;
     }
 
-    /// Z goes up to the height that homing wants, if it is lower; one that is not homed goes up by it, once.
+    /// Z goes up to the height that homing wants, if it is lower; one that is not homed
+    /// goes up by it, once.
     fn raise(&mut self) {
         let [_, _, z] = &mut self.position_10nm;
         let now = *z + self.lift_10nm;

@@ -150,7 +150,8 @@ fn an_arc_is_chords_with_one_record() {
 
 #[test]
 fn an_arc_that_clamping_flattens_still_ends_once() {
-    // The arc leaves the machine at Y = 0 and comes back to its axis: its last chords have no length.
+    // The arc leaves the machine at Y = 0 and comes back to its axis: its last
+    // chords have no length.
     let job = job("G28\nG1 X10 F600\nG3 X0 Y0 I-5 J-.001\nG1 Y5\n");
     assert_eq!(job.move_count(), 3);
 }

@@ -2,7 +2,8 @@
 
 use super::profile::Acceleration;
 
-/// The extruder's total is kept in hundredths of a unit of 10 nm, so that a flow factor in whole percent stays exact.
+/// The extruder's total is kept in hundredths of a unit of 10 nm, so that a flow factor in whole
+/// percent stays exact.
 pub const EXTRUDER_FRACTIONS_PER_UNIT: i128 = 100;
 
 /// Limits of speed and acceleration in force for a move. Axes are in the order x, y, z, e.
@@ -21,7 +22,8 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// Returns these limits with each axis' larger limit of speed, acceleration and corner speed of the two.
+    /// Returns these limits with each axis' larger limit of speed, acceleration and corner
+    /// speed of the two.
     pub fn loosest(mut self, other: Self) -> Self {
         let of_axes = [
             (&mut self.max_feed_mm_per_s, other.max_feed_mm_per_s),
@@ -69,7 +71,8 @@ pub struct Move {
     pub start_10nm: [i64; 3],
     /// End of X, Y, Z, in units of 10 nm.
     pub end_10nm: [i64; 3],
-    /// The extruder's total before the move, flow applied, in 1/[`EXTRUDER_FRACTIONS_PER_UNIT`] of 10 nm.
+    /// The extruder's total before the move, flow applied, in
+    /// 1/[`EXTRUDER_FRACTIONS_PER_UNIT`] of 10 nm.
     pub extruder_start: i128,
     /// The extruder's total after the move.
     pub extruder_end: i128,

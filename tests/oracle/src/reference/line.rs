@@ -2,8 +2,8 @@
 
 use super::decimal::{Decimal, OutOfRange};
 
-/// A command letter, its number, and the words after it. Upper-case letters only; spaces are optional; of two
-/// words with the same letter the last counts.
+/// A command letter, its number, and the words after it. Upper-case letters only; spaces are
+/// optional; of two words with the same letter the last counts.
 #[derive(Debug)]
 pub struct Command<'a> {
     /// `G`, `M` or another letter.
@@ -15,8 +15,8 @@ pub struct Command<'a> {
 }
 
 impl<'a> Command<'a> {
-    /// Reads a line without its line end. `None` for a line without a command, and for commands with a sub-code
-    /// (`G92.1`): this interpreter executes none of them.
+    /// Reads a line without its line end. `None` for a line without a command, and for commands
+    /// with a sub-code (`G92.1`): this interpreter executes none of them.
     pub fn parse(line: &'a [u8]) -> Option<Self> {
         let line = cut_at(line, b';');
         let mut rest = line.trim_ascii();

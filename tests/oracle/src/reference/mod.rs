@@ -1,7 +1,8 @@
 //! A second opinion on every job: G-code in, exact positions and a plain f64 plan out.
 //!
-//! [`interpret`] reads the text, [`plan`] gives each move its speeds with unlimited look-ahead (or a window), and
-//! [`MotorScale`] gives the motors' positions. Written from the definitions alone, for clarity and not for speed.
+//! [`interpret`] reads the text, [`plan`] gives each move its speeds with unlimited look-ahead (or
+//! a window), and [`MotorScale`] gives the motors' positions. Written from the definitions alone,
+//! for clarity and not for speed.
 
 mod arc;
 mod decimal;
@@ -25,8 +26,8 @@ pub use position::{ExtruderSteps, MotorScale};
 pub use profile::{Acceleration, FirmwareRetraction, Kinematics, ProfileError, ReferenceProfile};
 pub use trapezoid::Trapezoid;
 
-/// Interprets and plans a job and returns its motion time in seconds: the sum of its moves' durations, homing and
-/// waits left out.
+/// Interprets and plans a job and returns its motion time in seconds: the sum of its moves'
+/// durations, homing and waits left out.
 ///
 /// # Errors
 /// As [`interpret`].

@@ -39,8 +39,9 @@ struct Segment {
     entry_limit_squared: f64,
 }
 
-/// Plans a job. Without `look_ahead` every junction is known to every move; with it, a move's speeds are settled
-/// when this number of moves, itself included, is known, the last of them taken to end at a stop.
+/// Plans a job. Without `look_ahead` every junction is known to every move; with it, a move's
+/// speeds are settled when this number of moves, itself included, is known, the last of them taken
+/// to end at a stop.
 pub fn plan(job: &Job, look_ahead: Option<NonZeroUsize>) -> Plan {
     let mut segments: Vec<Segment> = Vec::with_capacity(job.moves.len());
     for one in &job.moves {
@@ -127,12 +128,13 @@ impl Segment {
     }
 }
 
-/// Squared speed at the corner between two moves (Yu 2019): an arc that stays within `deviation_mm` of the corner and
-/// touches neither move beyond its middle, taken at the smaller of the two accelerations; no faster than either
-/// move.
+/// Squared speed at the corner between two moves (Yu 2019): an arc that stays within `deviation_mm`
+/// of the corner and touches neither move beyond its middle, taken at the smaller of the two
+/// accelerations; no faster than either move.
 ///
-/// With theta the angle between the directions u1 and u2, sin(theta/2) = |u1 - u2|/2 and cos(theta/2) = |u1 + u2|/2;
-/// R = delta*c/(1 - c) is written delta*c*(1 + c)/s^2, which keeps its digits where the path is almost straight.
+/// With theta the angle between the directions u1 and u2, sin(theta/2) = |u1 - u2|/2 and
+/// cos(theta/2) = |u1 + u2|/2; R = delta*c/(1 - c) is written delta*c*(1 + c)/s^2, which keeps its
+/// digits where the path is almost straight.
 fn junction_speed_squared(before: &Segment, after: &Segment, deviation_mm: f64) -> f64 {
     if before.extruder_only || after.extruder_only {
         return 0.0;
@@ -153,7 +155,8 @@ fn junction_speed_squared(before: &Segment, after: &Segment, deviation_mm: f64) 
     (acceleration * arc_mm.min(fitting_mm)).min(nominal * nominal)
 }
 
-/// Squared speed at which the axis with the largest jump at a corner, relative to its limit, just keeps that limit.
+/// Squared speed at which the axis with the largest jump at a corner, relative to its limit, just
+/// keeps that limit.
 fn jump_speed_squared(before: &Segment, after: &Segment, limits_mm_per_s: &[f64; 4]) -> f64 {
     let jumps = before.shares.iter().zip(after.shares).map(|(before, after)| (after - before).abs());
     let speeds = jumps.zip(limits_mm_per_s).filter(|(jump, _)| *jump > 0.0).map(|(jump, limit)| limit / jump);
@@ -224,7 +227,8 @@ mod tests {
 
     #[test]
     fn the_arc_must_fit_the_shorter_neighbour() {
-        // The arc's 0.24142 mm would touch the moves 0.24142 mm from the corner; the middle is at 0.1.
+        // The arc's 0.24142 mm would touch the moves 0.24142 mm from the corner; the
+        // middle is at 0.1.
         let plan = planned("G28\nG1 X50 F3000\nG1 Y.2\nG1 Y.2 X100\n");
         near(plan.moves[1].law.entry_mm_per_s, (1000.0f64 * 0.1).sqrt());
     }

@@ -26,8 +26,9 @@ impl MotorScale {
         Self { kinematics: profile.kinematics, steps_per_mm: profile.steps_per_mm }
     }
 
-    /// Steps of the three motors at a position: the exact product of each one's coordinate with its own steps/mm, rounded half
-    /// away from zero; on CoreXY A = round((x+y)*s) and B = round((x-y)*s).
+    /// Steps of the three motors at a position: the exact product of each one's coordinate
+    /// with its own steps/mm, rounded half away from zero; on CoreXY A = round((x+y)*s) and
+    /// B = round((x-y)*s).
     pub fn motors(&self, position_10nm: [i64; 3]) -> [i64; 3] {
         let coordinates = self.kinematics.motors(position_10nm.map(i128::from));
         let mut steps = [0; 3];
@@ -45,7 +46,8 @@ impl MotorScale {
         let denominator = denominator * i128::from(UNITS_PER_MM) * EXTRUDER_FRACTIONS_PER_UNIT;
         let product = total.saturating_mul(numerator);
         let rounded = divide_rounded(product, denominator);
-        // The small difference is exact; the whole would lose the fraction's last digits far from zero.
+        // The small difference is exact; the whole would lose the fraction's last
+        // digits far from zero.
         let remainder = product - rounded * denominator;
         ExtruderSteps { rounded: narrow(rounded), exact: rounded as f64 + remainder as f64 / denominator as f64 }
     }
@@ -72,8 +74,8 @@ mod tests {
     #[test]
     fn corexy_rounds_sum_and_difference() {
         let scale = MotorScale::new(&ReferenceProfile::corexy());
-        // (0.002 + 0.0015) * 160 = 0.56; (0.002 - 0.0015) * 160 = 0.08: rounding x and y first would give B = 0 too,
-        // but A = 0.
+        // (0.002 + 0.0015) * 160 = 0.56; (0.002 - 0.0015) * 160 = 0.08: rounding x and y first
+        // would give B = 0 too, but A = 0.
         assert_eq!(scale.motors([200, 150, 0]), [1, 0, 0]);
         assert_eq!(scale.motors([30_000_000, 30_000_000, 0]), [96_000, 0, 0]);
         assert_eq!(scale.motors([0, 30_000_000, 0]), [48_000, -48_000, 0]);

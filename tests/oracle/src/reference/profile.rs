@@ -115,9 +115,11 @@ pub struct ReferenceProfile {
     pub lower_end_mm: [f64; 3],
     /// Position of each axis when its sensor has triggered, mm.
     pub home_mm: [f64; 3],
-    /// Place of the nozzle in the plane while Z homes, mm; `None` for any place. Z is raised afterwards if there is one.
+    /// Place of the nozzle in the plane while Z homes, mm; `None` for any place. Z is raised
+    /// afterwards if there is one.
     pub home_at_mm: Option<[f64; 2]>,
-    /// Height to which homing raises Z before X and Y move, or by which if it is unknown, mm; 0 for none.
+    /// Height to which homing raises Z before X and Y move, or by which if it is
+    /// unknown, mm; 0 for none.
     pub raise_mm: f64,
     /// Settings of G10 and G11.
     pub firmware_retraction: FirmwareRetraction,
@@ -239,7 +241,8 @@ struct CornerText {
 }
 
 impl CornerText {
-    /// Values of the four axes; where the profile has none, 5 mm/s for Z, 10 mm/s for the extruder, and no limit for X and Y.
+    /// Values of the four axes; where the profile has none, 5 mm/s for Z, 10 mm/s for the extruder,
+    /// and no limit for X and Y.
     fn four(&self) -> [f64; 4] {
         let any = f64::INFINITY;
         [self.x.unwrap_or(any), self.y.unwrap_or(any), self.z.unwrap_or(5.0), self.e.unwrap_or(10.0)]

@@ -19,8 +19,8 @@ pub struct Trapezoid {
 }
 
 impl Trapezoid {
-    /// The fastest law from `entry` to `exit` that keeps below `nominal` and to the acceleration. The acceleration
-    /// is positive, and the ends can be reached from each other within the length.
+    /// The fastest law from `entry` to `exit` that keeps below `nominal` and to the acceleration.
+    /// The acceleration is positive, and the ends can be reached from each other within the length.
     pub fn new(
         length_mm: f64,
         entry_mm_per_s: f64,
@@ -29,8 +29,8 @@ impl Trapezoid {
         acceleration_mm_per_s2: f64,
     ) -> Self {
         let (entry_squared, exit_squared) = (entry_mm_per_s * entry_mm_per_s, exit_mm_per_s * exit_mm_per_s);
-        // Without a cruise both ramps meet at the speed that 2*a*S = 2*v^2 - entry^2 - exit^2 gives. Rounding may
-        // put that a hair below the faster end.
+        // Without a cruise both ramps meet at the speed that 2*a*S = 2*v^2 - entry^2 - exit^2
+        // gives. Rounding may put that a hair below the faster end.
         let meeting = ((2.0 * acceleration_mm_per_s2 * length_mm + entry_squared + exit_squared) / 2.0).sqrt();
         let peak = meeting.min(nominal_mm_per_s).max(entry_mm_per_s).max(exit_mm_per_s);
         let ramps_mm = (2.0 * peak * peak - entry_squared - exit_squared) / (2.0 * acceleration_mm_per_s2);
@@ -52,7 +52,8 @@ impl Trapezoid {
         self.accelerate_s + self.cruise_s + self.decelerate_s
     }
 
-    /// Path position (mm) and speed (mm/s) at a time from the start; before and after, those of the ends.
+    /// Path position (mm) and speed (mm/s) at a time from the start; before and after,
+    /// those of the ends.
     pub fn at(&self, time_s: f64) -> (f64, f64) {
         let acceleration = self.acceleration_mm_per_s2;
         if time_s <= 0.0 {

@@ -1,14 +1,15 @@
 //! Speed and acceleration of axes over sliding windows.
 //!
-//! Positions are in half steps, in which CoreXY's axes are whole numbers as well: x = A + B, y = A - B. Each may be off
-//! by one step of each motor, two half steps, so that a distance is known to four. The least value that fits the window
-//! is compared with a limit.
+//! Positions are in half steps, in which CoreXY's axes are whole numbers as well: x = A + B, y =
+//! A - B. Each may be off by one step of each motor, two half steps, so that a distance is known to
+//! four. The least value that fits the window is compared with a limit.
 
 use super::law::MotorEvent;
 use crate::reference::{Kinematics, Limits, ReferenceProfile};
 use std::collections::VecDeque;
 
-/// Steps in the windows for speed: a short one that sees short bursts, a long one that measures finely.
+/// Steps in the windows for speed: a short one that sees short bursts, a long one that
+/// measures finely.
 const SPEED_WINDOWS: [usize; 2] = [20, 200];
 
 /// Steps in each of the two windows whose speeds give an acceleration.
@@ -71,7 +72,8 @@ impl AxisLimits {
         [x, y, z, 2 * e]
     }
 
-    /// Takes the motors' places after an event. Updates the largest ratios and returns the worst axis beyond its speed.
+    /// Takes the motors' places after an event. Updates the largest ratios and returns the worst
+    /// axis beyond its speed.
     pub fn speed(&mut self, tick: u64, motors: [i64; 4], limits: &Limits, ratios: &mut [f64; 4]) -> Option<Excess> {
         let mut worst: Option<Excess> = None;
         let axes = self.axes(motors);
@@ -99,10 +101,11 @@ impl AxisLimits {
         worst
     }
 
-    /// Checks the acceleration inside one block. Updates the largest ratios and returns the worst axis.
+    /// Checks the acceleration inside one block. Updates the largest ratios and
+    /// returns the worst axis.
     ///
-    /// With an acceleration of at most a, the mean speeds of two windows that follow each other differ by at most a
-    /// times the time between the windows' middles.
+    /// With an acceleration of at most a, the mean speeds of two windows that follow each other
+    /// differ by at most a times the time between the windows' middles.
     pub fn acceleration(
         &self,
         start: [i64; 4],

@@ -1,7 +1,7 @@
 //! Jumps of the speed of each axis from one move to the next.
 //!
-//! Both by the reference plan, whose speeds the steps were compared with, for the table of all corners, and by the
-//! steps themselves, without any plan, as the least jump that fits them.
+//! Both by the reference plan, whose speeds the steps were compared with, for the table of all
+//! corners, and by the steps themselves, without any plan, as the least jump that fits them.
 
 use super::law::MotorEvent;
 use crate::reference::{
@@ -119,7 +119,8 @@ impl Corners {
         }
     }
 
-    /// Forgets the move before: the next one does not follow a corner, since something unchecked lies between.
+    /// Forgets the move before: the next one does not follow a corner, since something
+    /// unchecked lies between.
     pub fn forget(&mut self) {
         self.before = None;
     }

@@ -1,9 +1,11 @@
-//! The extruder against lambda s(t): as the trace has it, and as it would be if it stepped with the leading motor.
+//! The extruder against lambda s(t): as the trace has it, and as it would be if it stepped with
+//! the leading motor.
 //!
-//! Most firmware does the second; here it is a baseline. A block's extruder steps are those from one rounded position
-//! to the next, and Bresenham's classic algorithm picks the steps of the block's leading motor at which they are made.
-//! The baseline is made from the same trace, at the leading motor's own step times, so that both are of the same blocks
-//! and are compared with the same law.
+//! Most firmware does the second; here it is a baseline. A block's extruder steps are those
+//! from one rounded position to the next, and Bresenham's classic algorithm picks the steps of
+//! the block's leading motor at which they are made. The baseline is made from the same trace,
+//! at the leading motor's own step times, so that both are of the same blocks and are compared
+//! with the same law.
 
 use super::law::TracedBlock;
 use std::fmt;
@@ -23,8 +25,8 @@ pub struct Distances {
 }
 
 impl Distances {
-    /// The mean over the nozzle's way: just before and just after each step of the leading motor. 0.25 for steps that
-    /// are spaced evenly and are where lambda s passes their middle.
+    /// The mean over the nozzle's way: just before and just after each step of the leading motor.
+    /// 0.25 for steps that are spaced evenly and are where lambda s passes their middle.
     pub fn mean_steps(&self) -> f64 {
         if self.count == 0 { 0.0 } else { self.sum_steps / self.count as f64 }
     }
@@ -46,9 +48,11 @@ impl Distances {
 pub struct Extrusion {
     /// Blocks that were looked at.
     pub blocks: u64,
-    /// Blocks whose leading motor is the extruder itself, which are left out: it waits for no other motor.
+    /// Blocks whose leading motor is the extruder itself, which are left out: it waits
+    /// for no other motor.
     pub led_by_the_extruder: u64,
-    /// Steps of the extruder in the blocks that were looked at, as the trace has it, both directions.
+    /// Steps of the extruder in the blocks that were looked at, as the trace has it,
+    /// both directions.
     pub own_steps: u64,
     /// The same of the extruder that is slaved.
     pub slaved_steps: u64,
@@ -58,8 +62,8 @@ pub struct Extrusion {
     pub slaved: Distances,
 }
 
-/// Bresenham's classic algorithm as step interrupts run it: called at each of the leading motor's steps, it says
-/// whether the follower steps as well.
+/// Bresenham's classic algorithm as step interrupts run it: called at each of the leading motor's
+/// steps, it says whether the follower steps as well.
 #[derive(Clone, Copy, Debug)]
 pub struct Slave {
     leader_steps: i64,
@@ -68,7 +72,8 @@ pub struct Slave {
 }
 
 impl Slave {
-    /// A follower that makes this many steps, not below zero and no more than the leading motor's, while that makes its own.
+    /// A follower that makes this many steps, not below zero and no more than the leading motor's,
+    /// while that makes its own.
     pub fn new(leader_steps: i64, follower_steps: i64) -> Self {
         Self { leader_steps, follower_steps, error: -leader_steps }
     }
@@ -163,8 +168,8 @@ mod tests {
         assert_eq!(steps(7, 3), ".#.#.#.");
     }
 
-    /// Some mm at constant speed, a step of x each tick, from a place of the extruder to another; `own` tells at which
-    /// events the extruder steps.
+    /// Some mm at constant speed, a step of x each tick, from a place of the extruder to another;
+    /// `own` tells at which events the extruder steps.
     fn straight(x_steps: u64, extruder: [f64; 2], own: impl Fn(u64) -> bool) -> Extrusion {
         let law = Trapezoid::new(1.0, 1.0, 1.0, 1.0, 1000.0);
         let direction = if extruder[1] < extruder[0] { -1 } else { 1 };

@@ -32,7 +32,8 @@ pub struct TracedBlock<'a> {
     pub law: &'a Trapezoid,
     /// Ticks within which events may have been joined.
     pub event_interval_ticks: f64,
-    /// Further distance that each motor is allowed, in steps: one for the step itself and a little for rounding.
+    /// Further distance that each motor is allowed, in steps: one for the step itself and a
+    /// little for rounding.
     pub tolerance_steps: [f64; 4],
 }
 
@@ -45,8 +46,9 @@ impl TracedBlock<'_> {
         (position_mm / self.law.length_mm, speed_mm_per_s * seconds_per_tick / self.law.length_mm)
     }
 
-    /// Deviation of each motor with the largest excess. A motor's position changes at its steps only and the law is
-    /// monotone, so that only the moments before and after each step need a look.
+    /// Deviation of each motor with the largest excess. A motor's position changes at its
+    /// steps only and the law is monotone, so that only the moments before and after each
+    /// step need a look.
     pub fn deviations(&self) -> [Option<Deviation>; 4] {
         let mut largest: [Option<Deviation>; 4] = [None; 4];
         let mut motors = self.start;

@@ -25,8 +25,8 @@ impl PlaneScale {
         [x / 2.0, y / 2.0]
     }
 
-    /// Largest distance from the straight line between the motors' positions at both ends, mm; `None` if the move has
-    /// no length in the plane.
+    /// Largest distance from the straight line between the motors' positions at both ends, mm;
+    /// `None` if the move has no length in the plane.
     pub fn largest_error_mm(&self, start: [i64; 4], end: [i64; 4], events: &[MotorEvent]) -> Option<f64> {
         let ([x0, y0], [x1, y1]) = (self.position_mm(start), self.position_mm(end));
         let length_mm = (x1 - x0).hypot(y1 - y0);

@@ -139,8 +139,8 @@ pub struct TraceReport {
     pub largest_deviation: [Option<Deviation>; 4],
     /// The extruder, and one that steps with the leading motor, in the moves whose law was checked.
     pub extrusion: Extrusion,
-    /// Largest distance in X and Y from the straight line of a move whose law was checked, between the steps at which it
-    /// starts and ends, mm.
+    /// Largest distance in X and Y from the straight line of a move whose law was checked, between
+    /// the steps at which it starts and ends, mm.
     pub largest_path_error_mm: f64,
     /// The largest relative difference in duration among moves of at least 1 mm.
     pub largest_duration_difference: Option<DurationDifference>,

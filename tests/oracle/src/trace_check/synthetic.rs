@@ -1,5 +1,5 @@
-//! Traces made from a plan, for the tests of the checks: every motor steps at the moment at which the law passes the
-//! middle between two steps.
+//! Traces made from a plan, for the tests of the checks: every motor steps at the moment at which
+//! the law passes the middle between two steps.
 #![allow(clippy::expect_used)]
 
 use crate::reference::{InterpretOptions, MotorScale, Move, ReferenceProfile, Trapezoid, interpret, plan};

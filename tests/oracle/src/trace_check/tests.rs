@@ -100,7 +100,8 @@ fn a_step_the_wrong_way_is_a_wrong_position() {
 
 #[test]
 fn an_extruder_that_rounds_each_move_is_caught() {
-    // One extruder step too many in one block and one too few in the next: positions differ between the two only.
+    // One extruder step too many in one block and one too few in the next: positions differ
+    // between the two only.
     let findings = findings_after(|records| {
         let events = steps_between(records, 5, 6);
         let first = events.into_iter().find(|event| event.axes & 0b1000 != 0).unwrap();
@@ -164,8 +165,8 @@ fn limits_are_those_of_the_profile_and_of_m201_m203() {
             .unwrap()
             .findings
     };
-    // M83 is replaced by the limit, so that lines keep their numbers; the job's E words then have another meaning,
-    // which does not matter here.
+    // M83 is replaced by the limit, so that lines keep their numbers; the job's E words then have
+    // another meaning, which does not matter here.
     assert!(findings("M203 X60\n").iter().any(|one| matches!(one, Finding::TooFast { axis: 0, .. })));
     assert!(!findings("M203 X200\n").iter().any(|one| matches!(one, Finding::TooFast { .. })));
     assert!(findings("M201 Y300\n").iter().any(|one| matches!(one, Finding::TooMuchAcceleration { axis: 1, .. })));

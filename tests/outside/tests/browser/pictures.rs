@@ -1,6 +1,8 @@
-//! Pictures of the page, kept in the book and beside the tests: pictures drawn now have their structure.
+//! Pictures of the page, kept in the book and beside the tests: pictures drawn now have
+//! their structure.
 //!
-//! `FERROSTEP_REFRESH=1` takes them anew. Pixels differ with the browser and its fonts, so they are not compared.
+//! `FERROSTEP_REFRESH=1` takes them anew. Pixels differ with the browser and its fonts, so they
+//! are not compared.
 
 use ferrostep_checked_toml::book::REFRESH_VARIABLE;
 use ferrostep_testkit::chromium::chromium;
@@ -17,7 +19,8 @@ const PICTURES: [(Print, &str); 3] = [
     (ARCS, "tests/data/pages/arcs-corexy.png"),
 ];
 
-/// Greatest mean difference of the parts' colours, of 255. Another print differs by more than twice that.
+/// Greatest mean difference of the parts' colours, of 255. Another print differs by more
+/// than twice that.
 const MOST_OFF: f64 = 2.5;
 
 fn number(value: &Value) -> f64 {

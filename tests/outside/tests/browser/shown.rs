@@ -1,4 +1,5 @@
-//! Chromium loads the page, turns it, plays it, and jumps from a finding to its place; and it loads two prints beside each other.
+//! Chromium loads the page, turns it, plays it, and jumps from a finding to its place; and it loads
+//! two prints beside each other.
 
 use ferrostep_testkit::chromium::chromium;
 use ferrostep_testkit::program::repository;
@@ -42,7 +43,8 @@ fn loads(print: Print) {
     }
     for way in ["WebGL", "2D canvas"] {
         let drawn = &seen["drawn"][way];
-        // The part is in the middle of the picture and fills a good part of it; turned, it looks different.
+        // The part is in the middle of the picture and fills a good part of it; turned, it
+        // looks different.
         let share = number(&drawn["share"]);
         assert!((0.04..0.7).contains(&share), "{way}: {drawn}");
         for middle in drawn["middle"].as_array().unwrap() {
@@ -50,7 +52,8 @@ fn loads(print: Print) {
         }
         assert!(number(&drawn["colours"]) >= 5.0, "{way}: {drawn}");
         assert_eq!(drawn["turned"], true, "{way}: {drawn}");
-        // A coarse picture is drawn during movement where WebGL is computed; at rest the whole one is there again.
+        // A coarse picture is drawn during movement where WebGL is computed; at rest the whole
+        // one is there again.
         assert!(way != "WebGL" || drawn["coarse"] == true, "{way}: {drawn}");
         assert!((number(&drawn["turned_back"]) / share - 1.0).abs() < 0.005, "{way}: {drawn}");
     }

@@ -72,8 +72,8 @@ fn everything_fits_the_boards_memory() {
                 _ => panic!("{}: {} at {start:#x} to {last:#x}", board.name, section.name().unwrap()),
             }
         }
-        // The smallest flash holds the image, and three twentieths of the smaller RAM are free; 23 KiB of RAM more are
-        // the stack's.
+        // The smallest flash holds the image, and three twentieths of the smaller RAM are free; 23
+        // KiB of RAM more are the stack's.
         assert!((100_000..=480 * 1024).contains(&in_flash), "{}: {in_flash} bytes of flash", board.name);
         assert!((30_000..=128 * 1024 * 17 / 20 - 23 * 1024).contains(&in_ram), "{}: {in_ram} bytes of RAM", board.name);
     }
@@ -155,9 +155,9 @@ fn all_files_of_a_board_hold_the_same_bytes() {
     }
 }
 
-/// A signature of 64 bytes, the SHA-256 of the rest, a header with the image's length first, and the image. It begins
-/// where the boot loader has written hash and header to the beginning of a flash sector (Prusa-Firmware-Buddy,
-/// `utils/unpack_bbf.py`).
+/// A signature of 64 bytes, the SHA-256 of the rest, a header with the image's length first, and
+/// the image. It begins where the boot loader has written hash and header to the beginning of a
+/// flash sector (Prusa-Firmware-Buddy, `utils/unpack_bbf.py`).
 #[test]
 fn the_container_holds_the_same_bytes_for_their_link_address() {
     for (board, name) in BOARDS.iter().filter_map(|board| Some((board, board.container?))) {
@@ -172,7 +172,8 @@ fn the_container_holds_the_same_bytes_for_their_link_address() {
     }
 }
 
-/// Version, board and profile in an image, as `strings` shows them without running it; M115 says the same version.
+/// Version, board and profile in an image, as `strings` shows them without running it; M115 says
+/// the same version.
 #[test]
 fn the_image_names_its_version_board_and_profile() {
     for board in &BOARDS {

@@ -1,4 +1,5 @@
-//! Ends of handlers (erratum 838869): a store that still waits on a slow bus must not overlap the return.
+//! Ends of handlers (erratum 838869): a store that still waits on a slow bus must not
+//! overlap the return.
 
 use ferrostep_image_code::code::{Code, Instruction};
 use ferrostep_testkit::boards::BOARDS;

@@ -1,4 +1,5 @@
-//! Every section of the shipped images that masks interrupts, with its length: the list is in the book.
+//! Every section of the shipped images that masks interrupts, with its length: the
+//! list is in the book.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -69,8 +70,8 @@ fn short(name: &str) -> String {
     text.split("::{").next().unwrap_or_default().trim_end_matches("::").to_owned()
 }
 
-/// Place at which a section is listed: a critical section under its function, a lock under its priority alone, since
-/// the compiler's inlining moves locks.
+/// Place at which a section is listed: a critical section under its function, a lock under its
+/// priority alone, since the compiler's inlining moves locks.
 fn place(section: &Section) -> Place {
     let where_to = match section.mask {
         Mask::All | Mask::Priority(CRITICAL) => format!("<code>{}</code>", short(&section.function)),
@@ -94,8 +95,8 @@ fn places() -> BTreeMap<Place, Longest> {
     places
 }
 
-/// The bound that the list gives: the next of 10, 20, 50, 100 ... with a fourth to spare, so that it need not change with every
-/// change of the code.
+/// The bound that the list gives: the next of 10, 20, 50, 100 ... with a fourth to spare, so that
+/// it need not change with every change of the code.
 fn bound(cycles: u32) -> u32 {
     let with_spare = cycles + cycles / 4;
     let steps = (1..9).flat_map(|power| [1, 2, 5].map(|digit| digit * 10_u32.pow(power)));
@@ -122,7 +123,8 @@ fn page() -> PathBuf {
     repository().join("docs/src/firmware.md")
 }
 
-/// A section fails the test if it is not in the book's list, or has become longer than its bound there.
+/// A section fails the test if it is not in the book's list, or has become longer than
+/// its bound there.
 #[test]
 fn every_masked_section_is_in_the_books_list() {
     let places = places();

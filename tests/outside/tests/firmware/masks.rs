@@ -1,6 +1,7 @@
 //! Only the image's start and its crash handlers mask the step interrupt.
 //!
-//! BASEPRI cannot mask the step task's priority; PRIMASK and FAULTMASK can. Functions that set one of these are in the list.
+//! BASEPRI cannot mask the step task's priority; PRIMASK and FAULTMASK can. Functions that set one
+//! of these are in the list.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +9,8 @@ use ferrostep_image_code::code::{Code, Instruction, constant};
 
 use crate::firmware::image::image;
 
-/// The functions that may set PRIMASK, and why. `main` and the handlers' names are fixed by cortex-m-rt and the compiler.
+/// The functions that may set PRIMASK, and why. `main` and the handlers' names are fixed by
+/// cortex-m-rt and the compiler.
 const MAY_SET_PRIMASK: [(&str, &str); 3] = [
     ("main", "RTIC's start: from reset to the end of `init`, when no task runs yet"),
     ("ferrostep_stm32f4_board::fault::handle", "the hard fault: heaters and motors off, for good"),
@@ -43,8 +45,8 @@ fn only_start_and_crash_handlers_mask_the_step_interrupt() {
     }
 }
 
-/// Lists where the image raises its priority, and to which of RTIC's priorities: 15 in critical sections, which delay all but
-/// steps, and in locks the ceiling of the resource.
+/// Lists where the image raises its priority, and to which of RTIC's priorities: 15 in critical
+/// sections, which delay all but steps, and in locks the ceiling of the resource.
 #[test]
 fn each_raised_priority_masks_something() {
     let code = Code::of(image()).unwrap();
@@ -59,7 +61,8 @@ fn each_raised_priority_masks_something() {
         let register = raised.operands.rsplit(' ').next().unwrap();
         let site = format!("{raised}   in {}", code.function(raised.address));
         let mask = constant(&all[first..place], register);
-        // The upper four bits of a byte, 0 being the highest priority, but as a mask no mask at all.
+        // The upper four bits of a byte, 0 being the highest priority, but as a
+        // mask no mask at all.
         assert!(mask.is_none_or(|mask| (0x10..=0xf0).contains(&mask) && mask & 0xf == 0), "{mask:x?}: {site}");
         *sites.entry((mask.map(|mask| 16 - mask / 16), code.function(raised.address))).or_default() += 1;
     }

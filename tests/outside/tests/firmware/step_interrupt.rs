@@ -12,7 +12,8 @@ use ferrostep_virtual_board::CYCLES_A_TICK;
 
 use crate::firmware::image::{image, image_of};
 
-/// TIM1_BRK_TIM9's number: the step interrupt calls it for the end of a motion, and the planner task for its start.
+/// TIM1_BRK_TIM9's number: the step interrupt calls it for the end of a motion, and the planner
+/// task for its start.
 const START_OR_END: u32 = 24;
 
 /// Reason for which an instruction has no place in the step interrupt.
@@ -109,7 +110,8 @@ fn reach(code: &Code, entry: u32, may_call: &[&str]) -> Reached {
     reached
 }
 
-/// Fails with the list of all forbidden instructions that a function can reach; it may call the named functions.
+/// Fails with the list of all forbidden instructions that a function can reach; it may call the
+/// named functions.
 fn assert_short_and_alone(code: &Code, entry: u32, may_call: &[&str]) {
     let reached = reach(code, entry, may_call);
     let name = code.function(entry);
@@ -144,11 +146,13 @@ fn the_reload_value_arrives_in_time_in_every_image() {
     }
 }
 
-/// The end of a motion comes first if both are pending, or an update would be served by a player that has not ended it.
+/// The end of a motion comes first if both are pending, or an update would be served by a player
+/// that has not ended it.
 const _: () = assert!(START_OR_END < STEP_TIMER);
 
-/// Critical sections do not keep out the core's highest priority, and RTIC would guard what a task of that priority shares with a
-/// lower one by just these. The image cannot show that no task has it; the application's text can.
+/// Critical sections do not keep out the core's highest priority, and RTIC would guard what a task
+/// of that priority shares with a lower one by just these. The image cannot show that no task has
+/// it; the application's text can.
 #[test]
 fn the_step_handlers_are_alone_at_their_priority() {
     let folder = repository().join("app");

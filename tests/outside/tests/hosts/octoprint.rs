@@ -10,13 +10,13 @@ fn figure<'a>(line: &'a str, name: &str) -> &'a str {
     value.split(' ').next().unwrap()
 }
 
-/// Print, pause and resume, cancel, emergency stop, new connection: by its buttons. And a print over a line on which one line in a
-/// hundred is lost and another has a wrong bit.
+/// Print, pause and resume, cancel, emergency stop, new connection: by its buttons. And a print
+/// over a line on which one line in a hundred is lost and another has a wrong bit.
 #[test]
 fn octoprint_prints_pauses_cancels_and_stops() {
     let printer = Printer::at_pty(&["--speed", "max"]);
-    // One start of OctoPrint for both: it takes half a minute. The damage begins in the print, since OctoPrint cannot send its first
-    // line, M110, again.
+    // One start of OctoPrint for both: it takes half a minute. The damage begins in the print,
+    // since OctoPrint cannot send its first line, M110, again.
     let bad_line = Printer::at_pty(&["--speed", "max", "--fault", "flip-line:1%@100", "--fault", "drop-line:1%@100"]);
     let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
     let (file, mut lines) = (folder.path().join("part.gcode"), part());
@@ -34,7 +34,8 @@ fn octoprint_prints_pauses_cancels_and_stops() {
     assert_eq!((seen["resends"].as_u64(), seen["errors"].as_array().map(Vec::len)), (Some(0), Some(0)), "{seen}");
     assert_eq!(seen["refusals"].as_array().map(Vec::len), Some(0), "{seen}");
 
-    // The filament of a print with a pause in it is that of one without. (The way to the end stops is another one.)
+    // The filament of a print with a pause in it is that of one without. (The way to the end stops
+    // is another one.)
     let filament = |line: &str| figure(line, "E").parse::<i64>().unwrap();
     assert!((filament(text("paused")) - 2 * filament(first)).abs() <= 1, "{seen}");
 
@@ -42,7 +43,8 @@ fn octoprint_prints_pauses_cancels_and_stops() {
     assert!(is_cold(text("cancelled")) && is_cold(text("restarted")), "{seen}");
     assert!(seen["bad_line_resends"].as_u64() > Some(10), "{seen}");
     let (printed_part, end) = (print_of_lines(&lines), bad_line.end());
-    // OctoPrint asks for a lost line after 2 s at the soonest, by when the printer has braked: its steps are the same, not their times.
+    // OctoPrint asks for a lost line after 2 s at the soonest, by when the printer has braked: its
+    // steps are the same, not their times.
     for key in ["order_digest", "motor_steps", "position_mm", "filament_mm", "merged_moves", "underruns"] {
         assert_eq!(end[key], printed_part[key], "{key}: {seen}");
     }

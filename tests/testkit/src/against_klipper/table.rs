@@ -53,7 +53,8 @@ impl Case {
         }
     }
 
-    /// The job: the file's speeds by a factor, and without its own limits, so that those of the profile hold for both plans.
+    /// The job: the file's speeds by a factor, and without its own limits, so that those of the
+    /// profile hold for both plans.
     fn job(&self) -> Vec<u8> {
         let text = gcode_text(&std::fs::read(&self.file).unwrap()).unwrap();
         let mut job = format!("M220 S{}\n", self.feed_percent).into_bytes();
@@ -89,10 +90,11 @@ pub enum Plan {
     Ferrostep,
     /// The same with a quarter of it.
     CloserFerrostep,
-    /// This firmware's steps with the profile's junction deviation, and accelerations that follow from an error budget
-    /// of 0.04 mm on a frame that is known to 5 %.
+    /// This firmware's steps with the profile's junction deviation, and accelerations that follow
+    /// from an error budget of 0.04 mm on a frame that is known to 5 %.
     BudgetFerrostep,
-    /// This firmware's steps with the profile's junction deviation, and a filtered path that keeps a tolerance of 0.1 mm.
+    /// This firmware's steps with the profile's junction deviation, and a filtered path that keeps
+    /// a tolerance of 0.1 mm.
     TolerantFerrostep,
     /// Klipper's rules with its defaults.
     Klipper,
@@ -116,7 +118,8 @@ impl Plan {
 /// The filters, in the order of the rows.
 pub const KINDS: [ShaperKind; 2] = [ShaperKind::Zv, ShaperKind::Mzv];
 
-/// A frame beside the one that the filters are made for: its difference in per cent, and whether it has a second mode.
+/// A frame beside the one that the filters are made for: its difference in per cent, and whether it
+/// has a second mode.
 pub type Off = (f64, bool);
 
 /// The frames, in the order of the columns.

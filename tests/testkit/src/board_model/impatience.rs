@@ -28,7 +28,8 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.interrupts.act(emergency);
     }
 
-    /// Answers a line of a host that waits for `patience_ms` and then says M108, then M410, then M112.
+    /// Answers a line of a host that waits for `patience_ms` and then says M108, then
+    /// M410, then M112.
     ///
     /// # Panics
     /// A line has no answer after all of these.

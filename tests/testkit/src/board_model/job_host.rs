@@ -78,7 +78,8 @@ impl JobHost {
         self
     }
 
-    /// Lets it be absent for some time, even in the middle of a frame; the board's lines are lost then.
+    /// Lets it be absent for some time, even in the middle of a frame; the board's
+    /// lines are lost then.
     pub fn leaves(mut self, cycles: Range<u64>) -> Self {
         self.absence = cycles;
         self
@@ -110,7 +111,8 @@ impl JobHost {
         }
     }
 
-    /// Puts bytes onto the line. Emergency commands act as their bytes arrive, whatever the board does.
+    /// Puts bytes onto the line. Emergency commands act as their bytes arrive,
+    /// whatever the board does.
     fn put<M: Stepping>(&mut self, board: &Board<'_, M>, bytes: &[u8]) {
         for &byte in bytes {
             self.last_arrival = self.last_arrival.max(board.now()) + CYCLES_A_BYTE;

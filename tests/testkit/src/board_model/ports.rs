@@ -50,7 +50,8 @@ impl<'a, M: Stepping> SharedMachine for &Board<'a, M> {
     }
 }
 
-/// Heaters without mains: they stay at the temperature of the room, and files must allow that (M302).
+/// Heaters without mains: they stay at the temperature of the room, and files must
+/// allow that (M302).
 #[derive(Debug, Default)]
 pub struct ColdHeaters {
     targets_celsius: [f32; Heater::COUNT],

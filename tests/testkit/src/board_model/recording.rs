@@ -13,8 +13,8 @@ use super::time::{CYCLES_A_MS, CYCLES_A_US};
 /// Time without a step after which X and Y are at rest.
 const STANDSTILL_CYCLES: u64 = 5 * CYCLES_A_MS;
 
-/// Steps nearer than this do not end a deceleration: at the accelerations here the last two steps before standstill are twice
-/// as far apart.
+/// Steps nearer than this do not end a deceleration: at the accelerations here the last two steps
+/// before standstill are twice as far apart.
 const AT_SPEED_CYCLES: u64 = 250 * CYCLES_A_US;
 
 /// Time over which the distance of a feed is measured, ms.
@@ -34,7 +34,8 @@ pub(super) struct WatchedPort<'a> {
 pub struct Watch {
     /// Positions of the X and Y motors (A and B) at each whole ms, up to the last event.
     pub every_ms: Vec<[i64; 2]>,
-    /// Number of times that X and Y stopped although their last two steps were those of a fast motion.
+    /// Number of times that X and Y stopped although their last two steps were those
+    /// of a fast motion.
     pub stops_from_speed: u64,
     /// Cycle of the first and the last step of X or Y.
     pub first_and_last: Option<(u64, u64)>,

@@ -36,8 +36,9 @@ pub struct Costs {
 }
 
 impl Costs {
-    /// Costs of a board of 168 MHz, roughly: 7000 instructions a move at 1.4 cycles, two thirds of them for the line,
-    /// and 90 an event (`ferrostep_printer::DEFAULT_MOVES_PER_S`, `DEFAULT_EVENTS_PER_S`).
+    /// Costs of a board of 168 MHz, roughly: 7000 instructions a move at 1.4 cycles, two thirds of
+    /// them for the line, and 90 an event (`ferrostep_printer::DEFAULT_MOVES_PER_S`,
+    /// `DEFAULT_EVENTS_PER_S`).
     pub const BOARD: Self = Self { line: 6_600, planned_move: 3_200, entry: 126, slower_planner: (1, 0) };
 
     /// The same with a planner task this many times slower from a millisecond on.

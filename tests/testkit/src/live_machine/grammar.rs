@@ -1,4 +1,5 @@
-//! Actions of a host, made of any bytes: lines of a grammar that is nasty, raw bytes, silences and emergencies.
+//! Actions of a host, made of any bytes: lines of a grammar that is nasty, raw bytes, silences
+//! and emergencies.
 
 use std::fmt::Write;
 

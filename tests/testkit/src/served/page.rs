@@ -43,7 +43,8 @@ impl Page {
         &self.url
     }
 
-    /// Sends bytes; returns the whole answer. The server may answer, and close, before it has all of them.
+    /// Sends bytes; returns the whole answer. The server may answer, and close, before it
+    /// has all of them.
     ///
     /// # Panics
     /// The server does not answer.

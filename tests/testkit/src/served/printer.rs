@@ -87,7 +87,8 @@ impl Printer {
         send_signal("INT", self.process.id());
     }
 
-    /// The page of a printer that is served with `--web`, from the printer's next message, which comes at its start.
+    /// The page of a printer that is served with `--web`, from the printer's next message, which
+    /// comes at its start.
     ///
     /// # Panics
     /// The message is not a page's address.

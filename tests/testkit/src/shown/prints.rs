@@ -53,8 +53,8 @@ impl Print {
         session.into_observer()
     }
 
-    /// Ten moves that take long enough to measure a speed within them, and the motors' places there: by counting steps, once for all
-    /// tests.
+    /// Ten moves that take long enough to measure a speed within them, and the motors' places
+    /// there: by counting steps, once for all tests.
     ///
     /// # Panics
     /// The job cannot be printed, or has too few long moves.

@@ -1,4 +1,5 @@
-//! A signal says that the supply fails, and a module feeds the board for a while: the print's place at this moment is kept.
+//! A signal says that the supply fails, and a module feeds the board for a while: the print's place
+//! at this moment is kept.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -9,7 +10,8 @@ use ferrostep_random_cases::{Share, share_of};
 use super::{JOINED_STEPS, end_of_line, filled, net, number_after, program, steps};
 use crate::card::setup::{Event, Setup, StepLog, nothing};
 
-/// Maximum number of lines that the printer holds when motion is stopped: about a second, with the line under way.
+/// Maximum number of lines that the printer holds when motion is stopped: about a second, with
+/// the line under way.
 const MOST_LINES: u32 = 12;
 
 fn profile(rise_mm: i64) -> Profile {
@@ -48,7 +50,8 @@ fn fail_at(filled: &[u8], look: u32, rise_mm: i64) -> Failure {
 /// M207 of the program.
 const RETRACTION_MM: f64 = 0.8;
 
-/// Steps by which M900 K0.03 runs ahead of the note of a move's end, at 1 mm of filament a second, and one more.
+/// Steps by which M900 K0.03 runs ahead of the note of a move's end, at 1 mm of filament a
+/// second, and one more.
 const AHEAD_STEPS: i64 = 4;
 
 const KEPT: &str = "echo:power loss: the supply fails: the place of the print is kept";
@@ -69,13 +72,15 @@ fn a_print_goes_on_from_where_the_supply_has_failed() {
     let (mut resumed, mut before, mut most) = (0, 0, 0);
     let rise_mm = 3;
     let rise_steps = (rise_mm as f64 * profile(0).steps_per_mm[2].to_f64()).round() as usize;
-    // Sixty instants: a run tries its share of them, and always the first, the last, and two in the middle.
+    // Sixty instants: a run tries its share of them, and always the first, the last, and
+    // two in the middle.
     let instants: Vec<u32> = (10..looks).step_by(looks as usize / 60).collect();
     let (middle, last) = (instants.len() / 2, instants.len() - 1);
     let always = [0, middle, middle + 1, last];
     for index in always.into_iter().chain(share_of(instants.len() as u64).map(|index| index as usize)) {
         let look = instants[index];
-        // The nozzle rises every other time; the undisturbed print never goes up by so much at once.
+        // The nozzle rises every other time; the undisturbed print never goes up by
+        // so much at once.
         let rises = look.is_multiple_of(2);
         let failure = fail_at(&filled, look, if rises { rise_mm } else { 0 });
         let Failure { said, card, .. } = &failure;
@@ -131,7 +136,8 @@ fn a_print_goes_on_from_where_the_supply_has_failed() {
     assert!(resumed > 40 || !Share::of_this_run().is_all(), "{resumed}");
 }
 
-/// Fails at a wait for heat and while paused, is right again, and the print continues without a reset.
+/// Fails at a wait for heat and while paused, is right again, and the print continues
+/// without a reset.
 #[test]
 fn after_a_dip_the_print_goes_on_with_m999() {
     let filled = filled(&program(14));
@@ -146,7 +152,8 @@ fn after_a_dip_the_print_goes_on_with_m999() {
             match seen {
                 150 if pauses => return vec!["M25".to_owned()],
                 _ if seen == look => setup.fail_supply(),
-                // No time passes without a command, and with one at each look no look at the hosts would end.
+                // No time passes without a command, and with one at each look no look at the
+                // hosts would end.
                 _ if seen > look && pauses && seen % 2 == 0 => return vec!["G4 P5".to_owned()],
                 _ => {}
             }

@@ -49,7 +49,8 @@ fn card(text: &str) -> Card {
     card
 }
 
-/// The card, and a person who puts it back when the print has been paused for a while, and continues the print.
+/// The card, and a person who puts it back when the print has been paused for a while, and
+/// continues the print.
 struct Person<'a> {
     machine: &'a Machine,
     card: &'a Card,
@@ -102,7 +103,8 @@ impl HostLines for Person<'_> {
     }
 }
 
-/// Outcome for the machine, as the table has it. The card `prints` the job of this state, or is only in its slot.
+/// Outcome for the machine, as the table has it. The card `prints` the job of this state, or is
+/// only in its slot.
 pub fn outcome(profile: &Profile, at: At, prints: bool) -> String {
     if prints && at == At::Idle {
         // An idle printer has no print.

@@ -1,4 +1,5 @@
-//! The filament does not move any more: an encoder's row, on a machine whose time passes as a board's does.
+//! The filament does not move any more: an encoder's row, on a machine whose time passes
+//! as a board's does.
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_hal_shim::Heater;
@@ -89,7 +90,8 @@ pub fn outcome(profile: &Profile, at: At) -> String {
     machine.run_with(wait, |machine| person.look(machine));
     assert_eq!(person.jams_at_s, f64::INFINITY, "{at:?}: it has not happened");
     let pauses_by_itself = person.pauses > own_pauses;
-    // The extruder still turns while a print lays the length without filament motion that counts as a jam.
+    // The extruder still turns while a print lays the length without filament motion that
+    // counts as a jam.
     for _ in 0..if at.is_hot() && !pauses_by_itself { 20 } else { 0 } {
         said.extend(lay(&mut person));
     }

@@ -1,4 +1,5 @@
-//! Sensors of homing that fail at each time: the effect on the next G28, and that no print continues before one has worked.
+//! Sensors of homing that fail at each time: the effect on the next G28, and that no print
+//! continues before one has worked.
 
 use ferrostep_printer::Profile;
 use ferrostep_profiles::{builtin_text, parse};
@@ -41,11 +42,12 @@ impl Sensors {
     }
 }
 
-/// Maximum press of the nozzle into the bed, units of 10 nm, which the book's page of homing promises.
+/// Maximum press of the nozzle into the bed, units of 10 nm, which the book's page of
+/// homing promises.
 const MAX_PRESS_10NM: i64 = 50_000;
 
-/// Sends a line and checks that no motor pushes against the frame for longer than a first and a second approach may,
-/// and that the nozzle presses on the bed as little as the book says.
+/// Sends a line and checks that no motor pushes against the frame for longer than a first and a
+/// second approach may, and that the nozzle presses on the bed as little as the book says.
 fn say(trial: &mut Trial<'_>, profile: &Profile, line: &str) {
     let before_10nm = trial.machine.desk().pushed_10nm();
     trial.say(line);

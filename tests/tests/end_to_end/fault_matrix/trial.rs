@@ -11,7 +11,8 @@ use crate::end_to_end::hosts::{Conversation, Machine};
 /// The motor whose driver fails: Y.
 const MOTOR: usize = 1;
 
-/// Time that passes until a person looks, s. Faults that let heaters cool are noticed within a minute.
+/// Time that passes until a person looks, s. Faults that let heaters cool are noticed
+/// within a minute.
 pub const LONG_S: f64 = 300.0;
 pub const HOST_IS_GONE_S: f64 = 2100.0;
 
@@ -36,7 +37,8 @@ pub struct Trial<'a> {
 }
 
 impl<'a> Trial<'a> {
-    /// Brings a machine into a state, hot if it must be, just before its command begins; the fault has not happened.
+    /// Brings a machine into a state, hot if it must be, just before its command begins; the fault
+    /// has not happened.
     pub fn new(machine: &'a Machine, at: At, fault: Fault) -> Self {
         let mut trial = Self {
             machine,
@@ -66,7 +68,8 @@ impl<'a> Trial<'a> {
         self.at_s == f64::INFINITY
     }
 
-    /// Sends a line of the print. The fault happens when its time has come, and a person continues a paused print.
+    /// Sends a line of the print. The fault happens when its time has come, and a person
+    /// continues a paused print.
     pub fn say(&mut self, line: &str) {
         self.number += 1;
         let text = format!("{}\n", numbered(self.number, line));

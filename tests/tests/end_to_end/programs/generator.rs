@@ -1,7 +1,7 @@
 //! Valid programs, in all modes.
 //!
-//! Lengths are chosen in millimetres and written in the unit in force, so that no program leaves the reach of the
-//! planner (5 m, 1 m of filament a move); everything else is random.
+//! Lengths are chosen in millimetres and written in the unit in force, so that no program leaves
+//! the reach of the planner (5 m, 1 m of filament a move); everything else is random.
 
 use std::f64::consts::TAU;
 use std::fmt::Write;

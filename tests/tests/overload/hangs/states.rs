@@ -9,8 +9,8 @@ use ferrostep_session::JobReplies;
 use ferrostep_session::gpre::{self, Target};
 use ferrostep_testkit::board_model::LOOK_AHEAD_BLOCKS;
 
-/// Width of the machines, mm: small, so that homing does not take most of the test's time, and wide enough for moves
-/// from the motors' place at power-on.
+/// Width of the machines, mm: small, so that homing does not take most of the test's time, and wide
+/// enough for moves from the motors' place at power-on.
 const SIZE_MM: i64 = 95;
 
 /// The board's work.
@@ -74,7 +74,8 @@ impl State {
         Self { work, ..self }
     }
 
-    /// Returns true if E is what was pushed: a firmware retraction does not count in E, and a job has G92.
+    /// Returns true if E is what was pushed: a firmware retraction does not count in E,
+    /// and a job has G92.
     pub fn tells_filament(&self) -> bool {
         matches!(&self.work, Work::Lines(lines) if !lines.iter().any(|line| line == "G10"))
     }

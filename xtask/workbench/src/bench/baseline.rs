@@ -11,8 +11,8 @@ use crate::system;
 /// Maximum growth of a count, percent; more fails the check.
 const TOLERANCE_PERCENT: f64 = 3.0;
 
-/// The same for images of another compiler than the baseline's, which alone has changed counts by up to
-/// 10 %.
+/// The same for images of another compiler than the baseline's, which alone has changed
+/// counts by up to 10 %.
 const OTHER_COMPILER_TOLERANCE_PERCENT: f64 = 20.0;
 
 /// The parts of the figures that are the same on every run and every machine, and are costs.
@@ -72,8 +72,8 @@ pub fn read() -> Result<Value, Failure> {
     serde_json::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// Saves these as the committed counts, without those that differ from run to run; the desk's stay unchanged if they were
-/// not counted. Returns them.
+/// Saves these as the committed counts, without those that differ from run to run; the desk's stay
+/// unchanged if they were not counted. Returns them.
 pub fn write(figures: &Value) -> Result<Value, Failure> {
     let kept = kept(figures, &read().unwrap_or_default());
     let path = path();

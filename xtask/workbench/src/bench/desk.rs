@@ -9,8 +9,8 @@ use super::host;
 use crate::steps::Failure;
 use crate::system::{self, cargo};
 
-/// The files that are estimated: one whose time is mostly heat and homing, one of many lines, and one on a machine with
-/// drivers on a serial line.
+/// The files that are estimated: one whose time is mostly heat and homing, one of many lines, and
+/// one on a machine with drivers on a serial line.
 pub const FILES: [&str; 3] = ["cube.gcode", "gyroid.gcode.gz", "cube-corexy.gcode.gz"];
 
 /// Counts; `None` without valgrind.

@@ -12,7 +12,8 @@ use crate::mainboard::{self, Counter};
 use crate::steps::Failure;
 use crate::system;
 
-/// The file that it prints: short segments, from `config/profiles/cartesian.toml`'s kind of machine.
+/// The file that it prints: short segments, from `config/profiles/cartesian.toml`'s
+/// kind of machine.
 const PRINTED: &str = "examples/gyroid.gcode.gz";
 
 /// Name under which the image looks for the file.

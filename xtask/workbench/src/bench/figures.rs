@@ -7,7 +7,8 @@ pub fn number(figures: &Value, key: &str) -> Option<f64> {
     key.split('.').try_fold(figures, |value, key| value.get(key))?.as_f64()
 }
 
-/// Text of a number in groups of three digits, with one decimal below 1000 unless it is whole; a dash for `None`.
+/// Text of a number in groups of three digits, with one decimal below 1000 unless it is whole; a
+/// dash for `None`.
 pub fn shown(count: Option<f64>) -> String {
     let Some(count) = count else { return "-".to_owned() };
     if count < 1000.0 && count.fract() != 0.0 {

@@ -1,4 +1,5 @@
-//! Speed of the desk. The figures depend on the computer and its load, so they are shown and never compared.
+//! Speed of the desk. The figures depend on the computer and its load, so they are shown
+//! and never compared.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -8,7 +9,8 @@ use serde_json::{Value, json};
 use crate::steps::Failure;
 use crate::system::{self, cargo};
 
-/// Builds `ferrostep` and lets it estimate and print all examples: lines and seconds of motion for each second.
+/// Builds `ferrostep` and lets it estimate and print all examples: lines and seconds of motion
+/// for each second.
 pub fn measure() -> Result<Value, Failure> {
     system::run(cargo().args(["build", "--profile", "dist", "--package", "ferrostep", "--bin", "ferrostep"]))?;
     let program = system::target_directory().join("dist/ferrostep");

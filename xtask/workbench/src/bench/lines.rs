@@ -1,4 +1,5 @@
-//! Lines of two axes: instructions from one build of the bench, entries from the other, and the book's tables of both.
+//! Lines of two axes: instructions from one build of the bench, entries from the other, and the
+//! book's tables of both.
 
 use std::fmt::Write;
 
@@ -7,7 +8,8 @@ use serde_json::{Value, json};
 use super::figures::{number, shown};
 use crate::steps::Failure;
 
-/// Wu 2024, tables 1 to 5: the line, its key, and the factor by which the classic algorithm took longer.
+/// Wu 2024, tables 1 to 5: the line, its key, and the factor by which the classic
+/// algorithm took longer.
 const WU_LINES: [(&str, &str, &str); 5] = [
     ("y = x/3, (30, 10)", "x3", "1.23"),
     ("y = x/10, (100, 10)", "x10", "1.56"),
@@ -22,7 +24,8 @@ const KINDS: [&str; 2] = ["bresenham", "bresenham_pulses"];
 /// The methods that draw lines of every slope.
 const WAYS: [&str; 3] = ["classic", "classic_coalesced", "step"];
 
-/// Takes the lines' entries and decisions out of the workload and puts them beside the lines' instructions.
+/// Takes the lines' entries and decisions out of the workload and puts them beside the
+/// lines' instructions.
 pub fn join(target: &mut Value, workload: &mut Value) -> Result<(), Failure> {
     let missing = || "the bench told nothing of its lines".to_owned();
     let workload = workload.as_object_mut().ok_or_else(missing)?;

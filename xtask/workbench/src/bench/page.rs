@@ -17,7 +17,8 @@ use crate::system;
 const PAGE: Page = Page { path: "docs/src/benchmarks.md", command: "cargo xtask bench --save-baseline" };
 const CHART: &str = "docs/src/images/step-interrupt.svg";
 
-/// Klipper's step, instructions: one motor, and each of two or more (counted by executing its image).
+/// Klipper's step, instructions: one motor, and each of two or more (counted by
+/// executing its image).
 const KLIPPER_ONE_MOTOR: f64 = 33.0;
 const KLIPPER_EACH_OF_MANY: f64 = 50.0;
 
@@ -97,7 +98,8 @@ fn step_interrupt(out: &mut String, figures: &Value) -> std::fmt::Result {
     )
 }
 
-/// The highest rates, by the events' pattern. Three and four motors share a row if another motor costs nothing.
+/// The highest rates, by the events' pattern. Three and four motors share a row if another
+/// motor costs nothing.
 fn steps_per_second(out: &mut String, figures: &Value) -> std::fmt::Result {
     writeln!(out, "## Steps a second\n")?;
     writeln!(

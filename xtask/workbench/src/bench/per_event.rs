@@ -8,11 +8,13 @@ use crate::steps::Failure;
 /// Steps a second of all motors of a fast machine: CoreXY with 160 steps/mm at 300 mm/s.
 pub const FAST_STEPS_PER_S: f64 = 140e3;
 
-/// Breakpoints a second of the bench's filters, MZV at 50 and 40 Hz, in the shortest moves that the plan lets through: 36 pieces of
-/// it within the 18.8 ms of the longer filter, seen at each of 7 delays.
+/// Breakpoints a second of the bench's filters, MZV at 50 and 40 Hz, in the shortest moves
+/// that the plan lets through: 36 pieces of it within the 18.8 ms of the longer filter, seen
+/// at each of 7 delays.
 pub const MOST_BREAKPOINTS_PER_S: f64 = 36.0 * 7.0 / 18.8e-3;
 
-/// Counts for each event: the place in the counts and the workload, and the key in the target's figures.
+/// Counts for each event: the place in the counts and the workload, and the key in the
+/// target's figures.
 const PER_EVENT: [(&str, &[&str]); 3] = [
     ("trapezoid", &["interpolate_per_step_trapezoid"]),
     ("trapezoid_one_axis", &["interpolate_per_step_trapezoid_one_axis"]),

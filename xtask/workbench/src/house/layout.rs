@@ -1,7 +1,7 @@
 //! Places of rooms and arrows: each package below all that use it, in rows, with few crossings.
 //!
-//! As in K. Sugiyama's layered drawings: an arrow that passes rows has a place in each of them; a row's order follows the means of
-//! its neighbours in the row above or below.
+//! As in K. Sugiyama's layered drawings: an arrow that passes rows has a place in each of them; a
+//! row's order follows the means of its neighbours in the row above or below.
 
 use std::collections::BTreeSet;
 
@@ -55,8 +55,8 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Lays out packages. `uses`: the arrows of each, which have no cycle. `is_last`: true for those in the last rows, which have
-    /// no arrows.
+    /// Lays out packages. `uses`: the arrows of each, which have no cycle. `is_last`: true for
+    /// those in the last rows, which have no arrows.
     pub fn new(uses: &[BTreeSet<usize>], is_last: &[bool]) -> Self {
         let mut row_of = rows(uses, is_last);
         let last = row_of.iter().max().map_or(0, |last| last + 1);
@@ -93,7 +93,8 @@ impl Layout {
         self.arrows.push(passed);
     }
 
-    /// Orders each row by its neighbours, downwards and upwards in turn, and keeps the order with the fewest crossings.
+    /// Orders each row by its neighbours, downwards and upwards in turn, and keeps the order with
+    /// the fewest crossings.
     fn order(&mut self) {
         let mut best = (self.crossings(), self.rows.clone());
         for pass in 0..PASSES {
@@ -172,7 +173,8 @@ impl Layout {
         let row = &self.rows[row];
         let half = |place: usize| if self.places[place].is_room { ROOM[0] / 2.0 } else { PASSAGE / 2.0 };
         let distance = |a: usize, b: usize| half(a) + GAP + half(b);
-        // The leftmost and the rightmost arrangement that keep the distances; between them all lie within the drawing.
+        // The leftmost and the rightmost arrangement that keep the distances; between them all lie
+        // within the drawing.
         let mut least: Vec<f64> = wanted.to_vec();
         let mut low = EDGE - GAP;
         for (index, place) in row.iter().enumerate() {
@@ -188,7 +190,8 @@ impl Layout {
             high = most[index];
         }
         let mut x: Vec<f64> = least.iter().zip(&most).map(|(least, most)| 0.5 * (least + most)).collect();
-        // The mean of both keeps the distances, but may lie beyond an edge that only one of them has met.
+        // The mean of both keeps the distances, but may lie beyond an edge that only one
+        // of them has met.
         for index in (0..row.len()).rev() {
             let max = row
                 .get(index + 1)
@@ -238,7 +241,8 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     (count > 0).then(|| sum / f64::from(count))
 }
 
-/// The row of each package: below all that use it, with at most [`MAX_ROOMS`] in each, without those of the last row.
+/// The row of each package: below all that use it, with at most [`MAX_ROOMS`] in each, without
+/// those of the last row.
 fn rows(uses: &[BTreeSet<usize>], is_last: &[bool]) -> Vec<usize> {
     // Number of rows that a package needs below it: the deepest are placed first.
     fn depth(uses: &[BTreeSet<usize>], package: usize, known: &mut [Option<usize>]) -> usize {

@@ -1,5 +1,5 @@
-//! Each failure of the MINI's heaters, in each state, and the time until it is noticed: on the virtual board's model
-//! of it.
+//! Each failure of the MINI's heaters, in each state, and the time until it is noticed: on the
+//! virtual board's model of it.
 
 use ferrostep_hal_shim::Heater;
 use ferrostep_printer::heat::safety::Trip;
@@ -55,7 +55,8 @@ impl Rig {
         rig
     }
 
-    /// Lets the heater fail. Returns the trip, the seconds until it, and the highest true temperature until then.
+    /// Lets the heater fail. Returns the trip, the seconds until it, and the highest true
+    /// temperature until then.
     fn fail(mut self, heater: Heater, failure: HeaterFailure, at_most_s: f32) -> Option<(Trip, f32, f32)> {
         self.board.set_failure(heater, Some(failure));
         let mut highest = 0.0_f32;
@@ -119,7 +120,8 @@ fn a_broken_thermistor_circuit_is_noticed_at_the_third_reading() {
 
 #[test]
 fn a_dead_heater_is_noticed() {
-    // Below the hysteresis first, and then the period: the nozzle of 170 C takes 15 s for that, the bed of 100 C 140 s.
+    // Below the hysteresis first, and then the period: the nozzle of 170 C takes 15 s for that, the
+    // bed of 100 C 140 s.
     let cools_s = [16.0, 160.0];
     for heater in HEATERS {
         let (watch_s, runaway_s) = periods_s(heater);
@@ -136,7 +138,8 @@ fn a_dead_heater_is_noticed() {
 /// The heater stays at full power meanwhile.
 #[test]
 fn a_thermistor_that_fell_out_is_noticed_before_anything_melts() {
-    // The nozzle's aluminium and brass bear more than its PTFE; the bed cannot get hotter than 110 C.
+    // The nozzle's aluminium and brass bear more than its PTFE; the bed cannot get
+    // hotter than 110 C.
     let rises = [60.0, 45.0];
     for heater in HEATERS {
         let (watch_s, runaway_s) = periods_s(heater);
@@ -160,7 +163,8 @@ fn a_reading_that_stands_still_is_noticed() {
             let failure = HeaterFailure::ThermistorFrozen;
             let failed = |trip: &Trip| matches!(trip, Trip::HeatingFailed(_));
             assert_noticed(Rig::on_the_way(heater, target), heater, failure, watch_s, failed);
-            // A degree off its target: the power changes by 5 % in that time, and should have been answered.
+            // A degree off its target: the power changes by 5 % in that time, and should
+            // have been answered.
             let mut rig = Rig::holding(heater, target - 1.0);
             rig.board.set_failure(heater, Some(failure));
             rig.control.set_target(heater, target);
@@ -179,7 +183,8 @@ fn a_transistor_that_failed_closed_is_noticed_whatever_the_target() {
             let hot_bed = !is_nozzle && target == 100.0;
             let rises =
                 |trip: &Trip| matches!(trip, Trip::RisesUnpowered(_) | Trip::TooHot(_) | Trip::StaysHotUnpowered(_));
-            // A quarter of the watch period, and ten degrees; a bed at 100 C cannot rise by them, and does not cool either.
+            // A quarter of the watch period, and ten degrees; a bed at 100 C cannot rise by them,
+            // and does not cool either.
             for (rig, within_s) in [
                 (Rig::new(), if is_nozzle { 10.0 } else { 120.0 }),
                 (

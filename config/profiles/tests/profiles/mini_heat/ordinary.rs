@@ -1,8 +1,9 @@
 //! Hours of ordinary use, in which nothing may trip.
 //!
-//! Jobs follow each other, each with its material, weather, supply and noise; heat-up, print and cooling are run at
-//! the firmware's own 100 samples a second, by its own code. The suite runs 50 hours, the lives of twenty machines,
-//! and a run tries its share of them; more, and in less time, with
+//! Jobs follow each other, each with its material, weather, supply and noise; heat-up, print
+//! and cooling are run at the firmware's own 100 samples a second, by its own code. The suite
+//! runs 50 hours, the lives of twenty machines, and a run tries its share of them; more, and
+//! in less time, with
 //!
 //! ```text
 //! FERROSTEP_HEAT_HOURS=10000 cargo test --release -p ferrostep-profiles ordinary -- --nocapture
@@ -23,8 +24,8 @@ const SUITE_LIFE_HOURS: f32 = 2.5;
 const MATERIALS: [(f32, f32, f32); 5] =
     [(215.0, 60.0, 255.0), (230.0, 50.0, 128.0), (240.0, 85.0, 128.0), (260.0, 100.0, 40.0), (275.0, 100.0, 0.0)];
 
-/// Target of the bed, degrees Celsius, up to which draughts add a quarter to its loss; above, 15 %: the MINI's bed
-/// does not hold 100 C in more, and in no room below 15 C.
+/// Target of the bed, degrees Celsius, up to which draughts add a quarter to its loss; above, 15 %:
+/// the MINI's bed does not hold 100 C in more, and in no room below 15 C.
 const DRAUGHTY_BED_CELSIUS: f32 = 90.0;
 
 /// Totals of a run.

@@ -1,10 +1,11 @@
-//! A MINI's hot end and bed, with all that makes control hard: dead time, draughts, fans, filament, a weak or strong
-//! supply, and a converter's noise.
+//! A MINI's hot end and bed, with all that makes control hard: dead time, draughts, fans, filament,
+//! a weak or strong supply, and a converter's noise.
 //!
-//! The hot end is the one of the maker's own regulator (prusa3d/Prusa-Firmware-Buddy, `model_based_hotend_regulator`,
-//! `steady_state_hotend`, Configuration_MINI.h): 40 W, 3.58 degrees a second at full power without losses. The power
-//! that holds a temperature is, of 255, (0.422 d + 0.00027 d^2 (1 - fan)) sqrt(1 + 4 fan), at d degrees above the
-//! room. The bed's figures are not published: 80 W, and 350 J/K; at full power it does not quite reach 110 C.
+//! The hot end is the one of the maker's own regulator (prusa3d/Prusa-Firmware-Buddy,
+//! `model_based_hotend_regulator`, `steady_state_hotend`, Configuration_MINI.h): 40 W, 3.58 degrees
+//! a second at full power without losses. The power that holds a temperature is, of 255, (0.422 d +
+//! 0.00027 d^2 (1 - fan)) sqrt(1 + 4 fan), at d degrees above the room. The bed's figures are not
+//! published: 80 W, and 350 J/K; at full power it does not quite reach 110 C.
 
 use ferrostep_hal_shim::{FanOutput, Fans, Heater, ThermalBoard};
 use ferrostep_thermistor::Thermistor;

@@ -8,7 +8,8 @@ pub(super) const WORDS: &str = "X, Y, Z, E, X_ADJUST, Y_ADJUST, Z_ADJUST, E_ADJU
 /// Form of its words, for errors.
 pub(super) const FORM: &str = "Z or Z_ADJUST with a number, and MOVE with 0 or 1";
 
-/// Reads the command's words. Z is the offset, Z_ADJUST is added to it; offsets of X, Y and E can be 0 only.
+/// Reads the command's words. Z is the offset, Z_ADJUST is added to it; offsets of X, Y and
+/// E can be 0 only.
 pub(super) fn parse<'a>(words: &NamedWords<'a>) -> Result<Command<'a>, ParseError> {
     let mut is_named = false;
     for key in ["X", "Y", "E", "X_ADJUST", "Y_ADJUST", "E_ADJUST"] {

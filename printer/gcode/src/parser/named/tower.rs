@@ -9,8 +9,8 @@ pub(super) const FORM: &str = "COMMAND, PARAMETER and START, with FACTOR (and BA
 /// The keys of its words.
 pub(super) const WORDS: &str = "COMMAND, PARAMETER, START, SKIP, FACTOR, BAND, STEP_DELTA, STEP_HEIGHT";
 
-/// Reads the command's words. Missing or contradictory words are an error: the value would not change as it is meant
-/// to.
+/// Reads the command's words. Missing or contradictory words are an error: the value would not
+/// change as it is meant to.
 pub(super) fn parse<'a>(words: &NamedWords<'a>) -> Result<Option<TowerWords<'a>>, ParseError> {
     if words.keys().next().is_none() {
         return Ok(None);

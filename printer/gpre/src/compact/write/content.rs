@@ -9,7 +9,8 @@ use super::waiting::{Place, Waiting};
 use crate::bits::{BitWriter, golomb_bits, zigzag};
 use crate::compact::shape::{FILAMENT_PREDICTED, PATH_NONE, PATH_XY, PATH_XYZ, PATH_Z};
 
-/// Units that X, Y and Z are tried in, of 10 nm, and the filament, of 0.1 nm; or else the largest that divides all.
+/// Units that X, Y and Z are tried in, of 10 nm, and the filament, of 0.1 nm; or else the largest
+/// that divides all.
 const UNITS: [i64; 4] = [1000, 100, 10, 1];
 
 /// The items of a frame, with its units, lambdas and code orders.
@@ -25,7 +26,8 @@ pub struct Content<'a> {
     orders: [u32; 4],
 }
 
-/// The largest of the units that divides all, or the greatest common divisor where that is larger and small enough.
+/// The largest of the units that divides all, or the greatest common divisor where that is larger
+/// and small enough.
 fn unit(all: impl Iterator<Item = i64>) -> i64 {
     let common = all.fold(0i64, |mut a, b| {
         let mut b = b.abs();

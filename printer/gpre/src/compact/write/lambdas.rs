@@ -9,7 +9,8 @@ use crate::compact::shape::{PATH_NONE, PLACES, prediction};
 /// A prediction this far off, in the filament's unit, is a good one.
 const GOOD: i64 = 3;
 
-/// Chooses a lambda for each move that pushes filament along a path: as few different ones, and as good, as pays.
+/// Chooses a lambda for each move that pushes filament along a path: as few different ones, and
+/// as good, as pays.
 pub fn lambdas(steps: &[Steps]) -> Vec<f32> {
     let mut chosen = Vec::with_capacity(steps.len());
     let mut known: Vec<f32> = Vec::new();
@@ -64,6 +65,7 @@ fn longest_run(steps: &[Steps], is_predicted: impl Fn(&Steps) -> bool) -> (usize
         (low, high) = (low.max(least), high.min(most));
         run += 1;
     }
-    // Cut to the written bits; the prediction is cut as well, so the middle is above by half a unit at the longest.
+    // Cut to the written bits; the prediction is cut as well, so the middle is above by half a
+    // unit at the longest.
     (run, f32::from_bits(((low / 2.0 + high / 2.0) as f32).to_bits() & !0xff))
 }

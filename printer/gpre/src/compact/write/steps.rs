@@ -17,7 +17,8 @@ impl Steps {
             return (FILAMENT_NONE, 0);
         }
         let difference = self.filament - i64::from(prediction(self.path, lambda));
-        // Filament that is encoded whole has s(12); the difference must be in range of the reader's 32 bits.
+        // Filament that is encoded whole has s(12); the difference must be in range of the
+        // reader's 32 bits.
         if self.kind == PATH_NONE || lambda == 0.0 || difference.abs() > 1 << 16 {
             return (FILAMENT_ALL, self.filament);
         }

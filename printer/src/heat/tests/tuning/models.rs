@@ -1,8 +1,8 @@
 //! Models of hot ends and beds that people have.
 //!
-//! Masses, losses and thermistor lags are measured figures where any are published, and else those of the parts'
-//! masses: 900 J/(kg K) for aluminium, 840 for glass; a plate loses 10 W/(m^2 K) on each side that is open. The dead
-//! time of 0.3 s is the cartridge's.
+//! Masses, losses and thermistor lags are measured figures where any are published, and else those
+//! of the parts' masses: 900 J/(kg K) for aluminium, 840 for glass; a plate loses 10 W/(m^2 K) on
+//! each side that is open. The dead time of 0.3 s is the cartridge's.
 
 use ferrostep_hal_shim::Heater;
 use ferrostep_virtual_board::HeatedMass;
@@ -27,7 +27,8 @@ const fn bed(name: &'static str, mass: HeatedMass) -> Model {
 }
 
 pub const MODELS: [Model; 8] = [
-    // Marlin's MPC defaults (Configuration.h): 16.7 J/K, 0.068 and 0.097 W/K, sensor 0.22 K/s for each K.
+    // Marlin's MPC defaults (Configuration.h): 16.7 J/K, 0.068 and 0.097 W/K, sensor
+    // 0.22 K/s for each K.
     hot_end(
         "V6, 40 W",
         HeatedMass {
@@ -39,7 +40,8 @@ pub const MODELS: [Model; 8] = [
             sensor_lag_s: 4.5,
         },
     ),
-    // The example of Kalico's page on MPC, whose block is of a Volcano's size: 22.31 J/K, 0.155 and 0.216 W/K, sensor 0.0999.
+    // The example of Kalico's page on MPC, whose block is of a Volcano's size: 22.31 J/K, 0.155 and
+    // 0.216 W/K, sensor 0.0999.
     hot_end(
         "Volcano, 60 W",
         HeatedMass {
@@ -51,8 +53,8 @@ pub const MODELS: [Model; 8] = [
             sensor_lag_s: 10.0,
         },
     ),
-    // Prusa-Firmware, thermal_model/e3d_REVO.h: 8.77 J/K, 25.3 K/W, 15.4 K/W with the fan, a lag of 0.27 s and a filter of 0.15 at
-    // every 0.27 s.
+    // Prusa-Firmware, thermal_model/e3d_REVO.h: 8.77 J/K, 25.3 K/W, 15.4 K/W with the fan, a lag of
+    // 0.27 s and a filter of 0.15 at every 0.27 s.
     hot_end(
         "Revo, 40 W",
         HeatedMass {
@@ -64,7 +66,8 @@ pub const MODELS: [Model; 8] = [
             sensor_lag_s: 1.8,
         },
     ),
-    // A copper block of a V6's outline with a strong heater, as the Dragon: an estimate, 13.3 J/K, 0.117 W/K bare.
+    // A copper block of a V6's outline with a strong heater, as the Dragon: an estimate, 13.3
+    // J/K, 0.117 W/K bare.
     hot_end(
         "copper block (Dragon), 60 W",
         HeatedMass {
@@ -76,7 +79,8 @@ pub const MODELS: [Model; 8] = [
             sensor_lag_s: 2.7,
         },
     ),
-    // The profile prusa-mini.toml (its sources are there), with Buddy's 5.6 s in all as a dead time and the thermistor's lag.
+    // The profile prusa-mini.toml (its sources are there), with Buddy's 5.6 s in all as a dead time
+    // and the thermistor's lag.
     hot_end(
         "MINI, 40 W",
         HeatedMass {

@@ -100,7 +100,8 @@ fn a_sign_less_print_is_counted_anew_when_asked() {
     assert!(!bench.signals.is_filament_missing());
 }
 
-/// A clogged nozzle: the gear grinds, but draws the filament back and pushes it again, past an edge.
+/// A clogged nozzle: the gear grinds, but draws the filament back and pushes it
+/// again, past an edge.
 #[test]
 fn filament_that_only_goes_to_and_fro_does_not_move() {
     let mut bench = Bench::new(2.88, 7.0);
@@ -169,7 +170,8 @@ fn piece() -> impl Strategy<Value = (f64, f64, u32)> {
 }
 
 proptest! {
-    /// The wheel gives its signs at any length below the one that counts, wherever it is at the start.
+    /// The wheel gives its signs at any length below the one that counts, wherever it
+    /// is at the start.
     #[test]
     fn a_print_is_never_stopped_and_a_jam_always_is(
         pieces in proptest::collection::vec(piece(), 1..60),

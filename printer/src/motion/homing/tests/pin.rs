@@ -1,4 +1,5 @@
-//! A probe with a pin: its commands in order, and the effects of a signal that is wrong once or permanently.
+//! A probe with a pin: its commands in order, and the effects of a signal that is wrong
+//! once or permanently.
 
 use super::*;
 use crate::settings::profile::homing::{BlTouch, SafeHoming};
@@ -50,8 +51,8 @@ fn the_pin_is_in_while_x_and_y_move_and_out_only_for_a_touch() {
     }
 }
 
-/// The pin is released and commanded again after one wrong signal. After two the command fails, Z has not gone down,
-/// and the pin is called in.
+/// The pin is released and commanded again after one wrong signal. After two the command fails, Z
+/// has not gone down, and the pin is called in.
 #[test]
 fn a_wrong_signal_is_tried_again_once() {
     for (wrong, again) in [

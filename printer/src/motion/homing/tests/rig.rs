@@ -59,7 +59,8 @@ pub enum Event {
 pub struct Rig {
     pub profile: Profile,
     pub sensors: [Cell<Sensor>; 3],
-    /// Distances by which the next approaches end too early, units of 10 nm; missing ones end at the right place.
+    /// Distances by which the next approaches end too early, units of 10 nm; missing ones end at
+    /// the right place.
     pub early_10nm: RefCell<Vec<i64>>,
     /// The seek with this number is stopped from outside.
     pub stopped_seek: Cell<Option<usize>>,

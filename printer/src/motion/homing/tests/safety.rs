@@ -1,4 +1,5 @@
-//! The nozzle and the bed: the place where Z homes, the rise before, and approaches that do not agree.
+//! The nozzle and the bed: the place where Z homes, the rise before, and approaches
+//! that do not agree.
 
 use super::*;
 use crate::settings::profile::homing::SafeHoming;
@@ -85,7 +86,8 @@ fn z_is_not_homed_where_x_and_y_are_not_known() {
     assert_eq!(execute(&mut printer, "G28 Z"), refused(CommandError::HomeFirst { axis: 1 }));
 }
 
-/// Only once from an unknown height, else homing would climb; anew when the motors were off; and never down.
+/// Only once from an unknown height, else homing would climb; anew when the motors were
+/// off; and never down.
 #[test]
 fn z_is_raised_before_x_and_y() {
     let rig = rig_with_probe(0.0);
@@ -147,7 +149,8 @@ fn approaches_that_agree_at_the_second_attempt_home() {
     assert_eq!(ways(&rig.take_events(), 1).len(), 2);
 }
 
-/// An axis moves back before the second attempt if it is at its sensor, or if its motor has to become fast.
+/// An axis moves back before the second attempt if it is at its sensor, or if its motor
+/// has to become fast.
 #[test]
 fn the_second_attempt_begins_where_a_sensor_can_tell() {
     let back = Event::Moved(along(0, BACK_OFF), FAST);

@@ -16,7 +16,8 @@ fn slots() -> impl Strategy<Value = Vec<Step>> {
     })
 }
 
-/// A queue as the planner fills it and the motors empty it, and the plain truth beside it: where the extruder was after each slot.
+/// A queue as the planner fills it and the motors empty it, and the plain truth beside it: where
+/// the extruder was after each slot.
 #[derive(Default)]
 struct Run {
     count: FilamentCount,
@@ -79,7 +80,8 @@ proptest! {
             let PushedFilament { at_least, at_most } = run.pushed();
             prop_assert!(steps(at_least) <= run.new_steps, "{:?} of {}", at_least, run.new_steps);
             prop_assert!(run.new_steps <= steps(at_most), "{:?} of {}", at_most, run.new_steps);
-            // Marks are a thirtieth of the queue apart, twice that where they were thinned out, and no nearer than their slots.
+            // Marks are a thirtieth of the queue apart, twice that where they were thinned out, and
+            // no nearer than their slots.
             let spacing = (ahead as i64 / 12).max(1) + 2 * 2;
             prop_assert!(steps(at_most) - steps(at_least) <= 5 * 8 * spacing, "{:?}", run.pushed());
         }
@@ -89,7 +91,8 @@ proptest! {
         prop_assert_eq!(steps(run.count.at_end()), run.new_steps);
     }
 
-    /// No filament that was drawn back counts as new after a stop, and only the part between two marks is lost.
+    /// No filament that was drawn back counts as new after a stop, and only the part between
+    /// two marks is lost.
     #[test]
     fn a_stop_forgets_what_was_not_played(
         before in slots(), after in slots(), played in 0usize..2000,

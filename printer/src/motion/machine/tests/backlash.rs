@@ -85,7 +85,8 @@ proptest! {
     }
 }
 
-/// A sensor is met with the play on one side, and from the place that is set there all others are exact.
+/// A sensor is met with the play on one side, and from the place that is set there all
+/// others are exact.
 #[test]
 fn a_sensor_s_place_is_the_axis_own() {
     with_play(|mut machine, mut interrupt| {

@@ -234,7 +234,8 @@ fn a_chip_that_is_gone_refuses_commands_and_ends_a_record() {
     assert_eq!(rig.recorder.set(None, None).unwrap().rate_hz, 1600);
 }
 
-/// A chip that answers, with a memory that stays empty: at the slowest rate it also gets time for some samples.
+/// A chip that answers, with a memory that stays empty: at the slowest rate it also gets time
+/// for some samples.
 #[test]
 fn a_chip_that_takes_no_samples_ends_the_record() {
     for (rate_hz, least_ms, most_ms) in [(3200, 100, 110), (25, 500, 510)] {

@@ -22,7 +22,8 @@ pub fn start(clock: MotionClock) -> Result<Counter, &'static str> {
 const KNOWN_INSTRUCTIONS: u32 = 11;
 
 /// A handler of known length, of [`UNANSWERED`].
-// SAFETY: the name is that of the vector, which is what it is for; it takes no argument and changes no register.
+// SAFETY: the name is that of the vector, which is what it is for; it takes no argument and
+// changes no register.
 #[unsafe(no_mangle)]
 #[unsafe(naked)]
 extern "C" fn TIM4() {

@@ -1,8 +1,9 @@
 //! Counts the processor's instructions for the parts of a print, for `cargo xtask bench`.
 //!
-//! In the emulator the timer that is read here advances once an instruction, so the numbers are exact: the same on
-//! every run and every machine. What an instruction costs on silicon (flash wait states, interrupt entry) is not in
-//! them. It is an RTIC application so that the step interrupt is the firmware's, dispatch included.
+//! In the emulator the timer that is read here advances once an instruction, so the numbers are
+//! exact: the same on every run and every machine. What an instruction costs on silicon (flash wait
+//! states, interrupt entry) is not in them. It is an RTIC application so that the step interrupt is
+//! the firmware's, dispatch included.
 #![no_std]
 #![no_main]
 
@@ -24,7 +25,8 @@ use panic_probe as _;
 /// Blocks in the look-ahead ring, as in the firmware.
 const LOOK_AHEAD_BLOCKS: usize = 128;
 
-/// X and Y of a trapezoid 30 mm long whose second motor steps with three of the first one's four steps.
+/// X and Y of a trapezoid 30 mm long whose second motor steps with three of the first
+/// one's four steps.
 const TWO_AXES_MM: [i64; 2] = [24, 18];
 
 /// X and Y of the same length along X alone.
@@ -121,7 +123,8 @@ mod app {
         cx.shared.three_ports.update();
     }
 
-    /// Handler that the others call for unusual events: it acts for the one of them that is being played.
+    /// Handler that the others call for unusual events: it acts for the one of them that
+    /// is being played.
     #[task(binds = TIM1_BRK_TIM9, priority = 16, shared = [print, one_port, two_ports, three_ports])]
     fn start_or_end(cx: start_or_end::Context) {
         if queue::is_playing(Interrupt::SPI2) {
@@ -141,7 +144,8 @@ mod app {
     }
 }
 
-/// Queues: the firmware's; those of drivers that step at both edges, with motors on one port, two, and three; and the lines'.
+/// Queues: the firmware's; those of drivers that step at both edges, with motors on one port, two,
+/// and three; and the lines'.
 pub struct Queues {
     print: PrintQueue,
     of_one: BenchQueue<BothEdges, 1, SHORT_QUEUE_SLOTS>,

@@ -27,7 +27,8 @@ impl Cycles {
     }
 }
 
-/// Makes a counter of these. The second one is kept: everything is then in the flash's cache, as it is in what is counted.
+/// Makes a counter of these. The second one is kept: everything is then in the flash's cache, as it
+/// is in what is counted.
 pub fn start(cycles: Cycles) -> Counter {
     let count = cycles.stand_in.map_or(Count::Cycles, Count::Ticks);
     Counter::new(count);

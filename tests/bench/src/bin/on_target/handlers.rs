@@ -1,4 +1,5 @@
-//! The interrupts of the tests: RTIC has its own start-up, and so has the test harness, so these are plain handlers.
+//! The interrupts of the tests: RTIC has its own start-up, and so has the test harness, so these
+//! are plain handlers.
 
 use core::cell::UnsafeCell;
 
@@ -23,7 +24,8 @@ const USB_PRIORITY: u8 = (16 - 10) << 4;
 /// Data of an interrupt's handler.
 pub struct Handler<T>(UnsafeCell<Option<T>>);
 
-// SAFETY: it is written before its interrupt is unmasked, and from then on only that interrupt uses it.
+// SAFETY: it is written before its interrupt is unmasked, and from then on only that
+// interrupt uses it.
 unsafe impl<T: Send> Sync for Handler<T> {}
 
 impl<T> Handler<T> {
@@ -34,8 +36,8 @@ impl<T> Handler<T> {
     /// Hands over the handler's data to its interrupt, and unmasks it.
     ///
     /// # Safety
-    /// The interrupt is the one whose handler uses this, is masked, and its priority is not below that of critical
-    /// sections that rely on it.
+    /// The interrupt is the one whose handler uses this, is masked, and its priority is not below
+    /// that of critical sections that rely on it.
     unsafe fn begin(&self, value: T, interrupt: Interrupt, priority: u8, controller: &mut NVIC) {
         // SAFETY: no other reference exists while the interrupt is masked.
         unsafe { *self.0.get() = Some(value) };
@@ -72,7 +74,8 @@ pub fn play_when_called(timer: StepTimer<BothEdges, 1, SHORT_QUEUE_SLOTS>, contr
 
 /// Lets the step timer play a queue.
 pub fn play(timer: StepTimer<StepSignals, MOTOR_PORTS, TIMED_QUEUE_SLOTS>, controller: &mut NVIC) {
-    // SAFETY: as above. The second one is called by the first, of the same priority, and uses the same.
+    // SAFETY: as above. The second one is called by the first, of the same priority,
+    // and uses the same.
     unsafe {
         STEPS.begin(timer, Interrupt::TIM2, STEPS_PRIORITY, controller);
         controller.set_priority(Interrupt::TIM1_BRK_TIM9, STEPS_PRIORITY);
@@ -116,7 +119,8 @@ extern "C" fn TIM2() {
 // SAFETY: as above.
 #[unsafe(no_mangle)]
 extern "C" fn TIM1_BRK_TIM9() {
-    // SAFETY: of the same priority as those whose timers these are, so that neither interrupts the other. Only one is there.
+    // SAFETY: of the same priority as those whose timers these are, so that neither interrupts the
+    // other. Only one is there.
     unsafe {
         STEPS.with(|timer| timer.start_or_end());
         PULSES.with(|timer| timer.start_or_end());

@@ -1,8 +1,9 @@
 //! Tests on the board itself, over a debug probe: `cargo xtask on-target --board NAME`.
 //!
-//! They count cycles where `cargo xtask bench` counts instructions, and compare them with limits on which the rest
-//! relies: duration of a step, its lateness, and moves a second that the planner keeps up with. The board is reset
-//! before each. No motor has current and no heater power: the pins of both stay as reset has left them.
+//! They count cycles where `cargo xtask bench` counts instructions, and compare them with limits on
+//! which the rest relies: duration of a step, its lateness, and moves a second that the planner
+//! keeps up with. The board is reset before each. No motor has current and no heater power: the
+//! pins of both stay as reset has left them.
 #![no_std]
 #![no_main]
 
@@ -35,8 +36,9 @@ use panic_probe as _;
 use counter::Cycles;
 use handlers::TIMED_QUEUE_SLOTS;
 
-/// Cycles of a step event inside a stair, the way into the interrupt and back included. 19 instructions are 49 cycles by the
-/// model of `cargo xtask bench`; a look into flash past its cache adds up to 7.
+/// Cycles of a step event inside a stair, the way into the interrupt and back included. 19
+/// instructions are 49 cycles by the model of `cargo xtask bench`; a look into flash past its
+/// cache adds up to 7.
 const MAX_CYCLES_WITHIN: u32 = 80;
 
 /// The same of an event that ends a stair, 33 instructions.
@@ -45,20 +47,21 @@ const MAX_CYCLES_NEW: u32 = 120;
 /// Cycles of a step event as M798 measures it: with one look at the time after it, and a call.
 const MAX_CYCLES_MEASURED: u32 = MAX_CYCLES_NEW + 30;
 
-/// Ticks of the step timer, two cycles each, from the moment at which a step is due to the first look at the time in its
-/// interrupt: 12 cycles to enter it, up to 17 more with the state of the floating-point unit, the way to the look, and what
-/// flash adds.
+/// Ticks of the step timer, two cycles each, from the moment at which a step is due to the first
+/// look at the time in its interrupt: 12 cycles to enter it, up to 17 more with the state of the
+/// floating-point unit, the way to the look, and what flash adds.
 const MAX_TICKS_LATE: u32 = 40;
 
-/// Cycles from a move to its block in the full look-ahead ring. 1500 instructions, 2100 cycles by that model, of the 21,000
-/// that a move has at 8000 moves a second.
+/// Cycles from a move to its block in the full look-ahead ring. 1500 instructions, 2100 cycles by
+/// that model, of the 21,000 that a move has at 8000 moves a second.
 const MAX_CYCLES_BLOCK: u32 = 4_000;
 
-/// Ticks between step events while the USB port is served: 100,000 a second, which is what the firmware is specified for. On
-/// a slower clock they are as many cycles apart.
+/// Ticks between step events while the USB port is served: 100,000 a second, which is what the
+/// firmware is specified for. On a slower clock they are as many cycles apart.
 const INTERVAL_TICKS: u32 = TICKS_PER_SECOND / 100_000;
 
-/// Time for which steps are timed, s. A computer at the other end of the cable has the port set up within that.
+/// Time for which steps are timed, s. A computer at the other end of the cable has the port
+/// set up within that.
 const TIMED_S: u32 = 5;
 
 /// Slots that stay free, since an entry takes some.
@@ -91,7 +94,8 @@ impl Board {
         // SAFETY: once a reset, before anything else has them.
         let device = unsafe { Peripherals::steal() };
         let core = cortex_m::Peripherals::take().ok_or("started twice")?;
-        // SAFETY: TIM5 has no other owner, and the clock is started before the rest of what was stolen is used.
+        // SAFETY: TIM5 has no other owner, and the clock is started before the rest of what
+        // was stolen is used.
         let Peripherals { TIM5: timer, RCC: rcc, .. } = unsafe { Peripherals::steal() };
         let (clock, rcc) = clock::start(rcc, &device.FLASH);
         let motion_clock = MotionClock::start(timer, &rcc);
@@ -157,14 +161,15 @@ fn a_block_is_planned_in_its_time(board: Board) -> Result<(), Failure> {
     hold("a block into the full ring", each, "cycles", MAX_CYCLES_BLOCK)
 }
 
-/// Intervals of the steps whose time is taken, ticks: the shortest there is among longer ones, so that a reload value that
-/// is late shows.
+/// Intervals of the steps whose time is taken, ticks: the shortest there is among longer ones, so
+/// that a reload value that is late shows.
 const CHANGING_TICKS: [u32; 3] = [2 * MIN_GAP_TICKS, 1_680, 4_200];
 
 /// Time for which they are played, s.
 const PLAYED_S: u32 = 10;
 
-/// Maximum error of their time, ticks: a look at either end falls somewhere into a step, and one interrupt may be late.
+/// Maximum error of their time, ticks: a look at either end falls somewhere into a step, and one
+/// interrupt may be late.
 const MAX_TICKS_OFF: u32 = 2 * 4_200 + MAX_TICKS_LATE;
 
 /// Duration of this many steps at those intervals, ticks modulo 2^32.
@@ -174,7 +179,8 @@ fn ticks_of(steps: u32) -> u32 {
     rounds.wrapping_mul(all).wrapping_add(CHANGING_TICKS.iter().take(rest).sum())
 }
 
-/// Steps at changing intervals take as long as they say, and the second timer counts the updates of the first.
+/// Steps at changing intervals take as long as they say, and the second timer counts the
+/// updates of the first.
 fn steps_take_the_time_that_they_say<M: Stepping>(
     board: Board,
     player: &'static StepPlayer<M, MOTOR_PORTS, TIMED_QUEUE_SLOTS>,
@@ -246,8 +252,8 @@ fn steps(queue: &mut impl StepQueue) -> Result<(), Failure> {
 
 fn ignore(_emergency: Emergency) {}
 
-/// Steps by the timer while the USB port is served as fast as it can be, and critical sections come and go: how late the
-/// step interrupt begins.
+/// Steps by the timer while the USB port is served as fast as it can be, and critical sections come
+/// and go: how late the step interrupt begins.
 fn a_step_is_on_time_under_usb_load(board: Board) -> Result<(), Failure> {
     let Board { device, core, clock, motion_clock } = board;
     let mut controller = core.NVIC;

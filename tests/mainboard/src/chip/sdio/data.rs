@@ -9,7 +9,8 @@ use crate::parts::sd_card::Status;
 /// Bits of a word, and of what ends a block: its CRC and a stop bit.
 const WORD_BITS: u64 = 32;
 const CRC_CLOCKS: u64 = 17;
-/// Clocks from the FIFO's first word to the start bit, and from a block's end to the end of its CRC status (SD specification 4.3.4, 4.12.4).
+/// Clocks from the FIFO's first word to the start bit, and from a block's end to the end of its CRC
+/// status (SD specification 4.3.4, 4.12.4).
 const START_CLOCKS: u64 = 2;
 const STATUS_CLOCKS: u64 = 8;
 const WORD_BYTES: u64 = 4;

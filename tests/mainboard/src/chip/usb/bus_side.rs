@@ -12,7 +12,8 @@ use crate::host::usb::bus::{Answer, Bus, Kind, Token};
 
 /// Minimum duration of SE0 that a device accepts as a reset, USB 2.0 section 7.1.7.5.
 pub const RESET_SEEN_NS: u64 = 2_500;
-/// Time from the end of a reset to ENUMDNE. The manual gives none; the core has a single speed and nothing to detect.
+/// Time from the end of a reset to ENUMDNE. The manual gives none; the core has a single speed and
+/// nothing to detect.
 pub const ENUMERATION_NS: u64 = 10_000;
 /// The clock of a full-speed device: 48 MHz within 0.25 %, USB 2.0 section 7.1.11.
 const CLOCK_HZ: std::ops::RangeInclusive<u64> = 47_880_000..=48_120_000;
@@ -151,7 +152,8 @@ impl Otg {
         self.control_open = false;
     }
 
-    /// A packet without data at endpoint 0 ends a control transfer; an address that came in it takes effect.
+    /// A packet without data at endpoint 0 ends a control transfer; an address that came in
+    /// it takes effect.
     fn end_control(&mut self, endpoint: u8, length: usize, registers: &RegisterFile) {
         if endpoint == 0 && length == 0 {
             self.control_open = false;

@@ -1,7 +1,7 @@
 //! A driver between the model and the host: it enumerates as a serial port and echoes its input.
 //!
-//! It has two styles: the manual's programming model (RM0090 34.17), with endpoint interrupts, and that of the public
-//! crate `synopsys-usb-otg`, which follows the receive FIFO's states.
+//! It has two styles: the manual's programming model (RM0090 34.17), with endpoint interrupts, and
+//! that of the public crate `synopsys-usb-otg`, which follows the receive FIFO's states.
 
 use std::collections::VecDeque;
 

@@ -1,4 +1,5 @@
-//! The bit fields of the OTG_FS registers, RM0090 section 34.16; where RM0390 section 31 differs, the field says so.
+//! The bit fields of the OTG_FS registers, RM0090 section 34.16; where RM0390 section 31 differs,
+//! the field says so.
 
 use rigless::soc::{Access, FieldSpec, WriteModify};
 
@@ -39,7 +40,8 @@ macro_rules! fields {
 }
 
 fields! {
-    /// Control and status, 34.16.2. BVALOEN and BVALOVAL are the F446's (RM0390), reserved in the F405.
+    /// Control and status, 34.16.2. BVALOEN and BVALOVAL are the F446's (RM0390),
+    /// reserved in the F405.
     gotgctl {
         SRQSCS = ro(0, 1); SRQ = rw(1, 1); VBVALOEN = rw(2, 1); VBVALOVAL = rw(3, 1); AVALOEN = rw(4, 1);
         AVALOVAL = rw(5, 1); BVALOEN = rw(6, 1); BVALOVAL = rw(7, 1); HNGSCS = ro(8, 1); HNPRQ = rw(9, 1);
@@ -99,7 +101,8 @@ fields! {
     dieptxf { SA = rw(0, 16); FD = rw(16, 16); }
 }
 fields! {
-    /// General core configuration, 34.16.2. In the F446 (RM0390) bit 21 is VBDEN and means the opposite.
+    /// General core configuration, 34.16.2. In the F446 (RM0390) bit 21 is VBDEN and
+    /// means the opposite.
     gccfg { PWRDWN = rw(16, 1); VBUSASEN = rw(18, 1); VBUSBSEN = rw(19, 1); SOFOUTEN = rw(20, 1); BIT21 = rw(21, 1); }
 }
 fields! {
@@ -141,14 +144,16 @@ fields! {
     }
 }
 fields! {
-    /// Control of OUT endpoint 0, 34.16.4. MPSIZ follows that of IN endpoint 0, and software cannot disable it.
+    /// Control of OUT endpoint 0, 34.16.4. MPSIZ follows that of IN endpoint 0, and software
+    /// cannot disable it.
     doepctl0 {
         MPSIZ = ro(0, 2); USBAEP = ro(15, 1); NAKSTS = ro(17, 1); EPTYP = ro(18, 2); SNPM = rw(20, 1); STALL = rs(21);
         CNAK = rs(26); SNAK = rs(27); EPDIS = ro(30, 1); EPENA = rs(31);
     }
 }
 fields! {
-    /// Control of the other endpoints, IN and OUT, 34.16.4. TXFNUM exists in IN endpoints only, SNPM in OUT ones.
+    /// Control of the other endpoints, IN and OUT, 34.16.4. TXFNUM exists in IN endpoints only,
+    /// SNPM in OUT ones.
     epctl {
         MPSIZ = rw(0, 11); USBAEP = rw(15, 1); DPID = ro(16, 1); NAKSTS = ro(17, 1); EPTYP = rw(18, 2);
         SNPM = rw(20, 1); STALL = rw(21, 1); TXFNUM = rw(22, 4); CNAK = rs(26); SNAK = rs(27); SD0PID = rs(28);
@@ -172,8 +177,8 @@ fields! {
     doeptsiz0 { XFRSIZ = rw(0, 7); PKTCNT = rw(19, 1); STUPCNT = rw(29, 2); }
 }
 fields! {
-    /// Transfer size of the other endpoints, 34.16.4. MCNT counts packets per frame in IN endpoints and holds the
-    /// received packet's identifier in isochronous OUT ones.
+    /// Transfer size of the other endpoints, 34.16.4. MCNT counts packets per frame in IN endpoints
+    /// and holds the received packet's identifier in isochronous OUT ones.
     eptsiz { XFRSIZ = rw(0, 19); PKTCNT = rw(19, 10); MCNT = rw(29, 2); }
 }
 fields! {

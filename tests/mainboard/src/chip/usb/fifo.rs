@@ -1,10 +1,12 @@
-//! The packet memory of the OTG_FS core, RM0090 section 34.11: one receive FIFO, and a transmit FIFO for each endpoint.
+//! The packet memory of the OTG_FS core, RM0090 section 34.11: one receive FIFO, and a transmit
+//! FIFO for each endpoint.
 
 use std::collections::VecDeque;
 
 /// Words of packet memory in both cores: 1.25 Kbytes, RM0090 34.2 and RM0390 31.2.
 pub const MEMORY_WORDS: u32 = 320;
-/// Words of the receive FIFO reserved for SETUP packets: four for each control endpoint and six, 34.11.1.
+/// Words of the receive FIFO reserved for SETUP packets: four for each control endpoint
+/// and six, 34.11.1.
 const SETUP_WORDS: u32 = 10;
 /// Words reserved for the global OUT NAK, 34.11.1.
 const GLOBAL_NAK_WORDS: u32 = 1;
@@ -80,8 +82,8 @@ impl Receive {
         self.entries.front()
     }
 
-    /// Removes the front entry; its data are read next. The second value is true if words of the packet before it were
-    /// left unread, which are lost.
+    /// Removes the front entry; its data are read next. The second value is true if words of the
+    /// packet before it were left unread, which are lost.
     pub fn pop(&mut self) -> Option<(Entry, bool)> {
         let entry = self.entries.pop_front()?;
         let left_unread = !self.open.is_empty();
@@ -105,9 +107,9 @@ impl Receive {
         self.entries.push_back(entry);
     }
 
-    /// True if an OUT packet of this many bytes fits in a FIFO of `depth` words: with its status and the entry that
-    /// ends its transfer, without the words reserved for SETUP packets, the global NAK and the end entries of
-    /// `transfers` other endpoints.
+    /// True if an OUT packet of this many bytes fits in a FIFO of `depth` words: with its status
+    /// and the entry that ends its transfer, without the words reserved for SETUP packets, the
+    /// global NAK and the end entries of `transfers` other endpoints.
     #[must_use]
     pub fn takes_packet(&self, bytes: usize, depth: u32, transfers: u32) -> bool {
         let kept = SETUP_WORDS + GLOBAL_NAK_WORDS + transfers;

@@ -1,4 +1,5 @@
-//! The register table of the OTG_FS core: all of RM0090 section 34.16 in one instance, with the FIFO windows.
+//! The register table of the OTG_FS core: all of RM0090 section 34.16 in one instance, with
+//! the FIFO windows.
 
 use rigless::soc::{Access, FieldSpec, Layout, Peripheral, ReadAction, RegisterSpec, Width, WriteModify};
 
@@ -13,7 +14,8 @@ const PLAIN_ROWS: usize = 128;
 /// Rows of the table.
 const ROWS: usize = PLAIN_ROWS + ENDPOINTS * WINDOW_WORDS;
 
-/// The OTG_FS core on the chip's bus, RM0090 table 1 and table 62. Interrupt 42 is the wakeup, 67 the core.
+/// The OTG_FS core on the chip's bus, RM0090 table 1 and table 62. Interrupt 42 is the
+/// wakeup, 67 the core.
 pub static PERIPHERAL: Peripheral = Peripheral {
     name: "OTG_FS_GLOBAL",
     base: 0x5000_0000,
@@ -62,7 +64,8 @@ pub enum Register {
     Doeptsiz(u8),
     /// A register of host mode, which is stored only.
     Host(u8),
-    /// The data FIFO of this endpoint: a read takes from the receive FIFO, a write adds to the transmit FIFO.
+    /// The data FIFO of this endpoint: a read takes from the receive FIFO, a write adds to
+    /// the transmit FIFO.
     Fifo(u8),
 }
 
@@ -281,7 +284,8 @@ const fn table() -> [RegisterSpec; ROWS] {
     table
 }
 
-/// Every register of the core. Rows that one name shares (host channels, words of a window) differ in their offset.
+/// Every register of the core. Rows that one name shares (host channels, words of a window) differ
+/// in their offset.
 pub static REGISTERS: [RegisterSpec; ROWS] = table();
 
 #[cfg(test)]

@@ -1,9 +1,10 @@
 //! The debugger of a program that asks for files and for its command line.
 //!
-//! The covered part of GDB's remote protocol ("Debugging with GDB", appendix E): packets `$TEXT#SUM`, each acknowledged
-//! by a `+`; the file calls `Fopen`, `Fread` and `Fclose` of its section on File-I/O; and breakpoints at the
-//! semihosting calls, where SYS_GET_CMDLINE (0x15) is answered, which the emulator lets fail. Files are opened for
-//! reading, by name, in one folder. A further breakpoint, at the hard fault handler, ends a program that panicked or faulted.
+//! The covered part of GDB's remote protocol ("Debugging with GDB", appendix E): packets
+//! `$TEXT#SUM`, each acknowledged by a `+`; the file calls `Fopen`, `Fread` and `Fclose` of its
+//! section on File-I/O; and breakpoints at the semihosting calls, where SYS_GET_CMDLINE (0x15) is
+//! answered, which the emulator lets fail. Files are opened for reading, by name, in one folder. A
+//! further breakpoint, at the hard fault handler, ends a program that panicked or faulted.
 //!
 //! **Left out:** all other calls. They fail, as the protocol permits.
 
@@ -12,7 +13,8 @@ use std::io::{self, BufReader, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::{Component, Path};
 
-/// Registers by their numbers in the protocol: operation and answer, parameter, stack pointer, next instruction.
+/// Registers by their numbers in the protocol: operation and answer, parameter, stack pointer,
+/// next instruction.
 const OPERATION: usize = 0;
 const PARAMETER: usize = 1;
 const STACK: usize = 13;
@@ -45,12 +47,13 @@ pub fn calls<'a>(segments: impl Iterator<Item = (u64, &'a [u8])>) -> Vec<u64> {
     calls.collect()
 }
 
-/// The place of the hard fault's vector in the vector table, and of the faulting instruction in the words that the core pushes
-/// (PM0214, 2.3.4 and 2.3.7).
+/// The place of the hard fault's vector in the vector table, and of the faulting instruction in the
+/// words that the core pushes (PM0214, 2.3.4 and 2.3.7).
 const HARD_FAULT_VECTOR: u64 = 3 * 4;
 const FAULTING_INSTRUCTION: usize = 6 * 4;
 
-/// The address of the hard fault handler of an image whose vector table is at `vectors`, if the image has one.
+/// The address of the hard fault handler of an image whose vector table is at `vectors`, if
+/// the image has one.
 pub fn hard_fault<'a>(vectors: u64, mut segments: impl Iterator<Item = (u64, &'a [u8])>) -> Option<u64> {
     let vector = vectors + HARD_FAULT_VECTOR;
     segments.find_map(|(start, bytes)| {
@@ -66,14 +69,15 @@ pub fn hard_fault<'a>(vectors: u64, mut segments: impl Iterator<Item = (u64, &'a
 pub enum Broken {
     /// The emulator closed the connection without a word.
     Connection(io::Error),
-    /// The program reached its hard fault handler or stopped outside its calls, a file cannot be read, or the emulator said
-    /// something unexpected.
+    /// The program reached its hard fault handler or stopped outside its calls, a file cannot be
+    /// read, or the emulator said something unexpected.
     Program(io::Error),
 }
 
 impl Broken {
-    /// Nothing is wrong with a connection that closes after the program's end: the emulator, which knows the end by itself, may be
-    /// gone before the debugger has heard or acknowledged its last packet.
+    /// Nothing is wrong with a connection that closes after the program's end: the emulator,
+    /// which knows the end by itself, may be gone before the debugger has heard or acknowledged
+    /// its last packet.
     ///
     /// # Errors
     /// The program stopped, or the connection closed before its end.
@@ -98,11 +102,12 @@ impl From<io::Error> for Broken {
     }
 }
 
-/// Serves a program from its first instruction to its end. A program without arguments runs without breakpoints at its
-/// calls.
+/// Serves a program from its first instruction to its end. A program without arguments runs without
+/// breakpoints at its calls.
 ///
 /// # Errors
-/// The emulator closed the connection, or the program reached its hard fault handler or stopped outside its calls.
+/// The emulator closed the connection, or the program reached its hard fault handler or stopped
+/// outside its calls.
 pub fn serve(
     emulator: SocketAddr,
     folder: &Path,
@@ -198,7 +203,8 @@ impl Server {
         })
     }
 
-    /// Answers the call at which the program has stopped if it asks for the command line, which it does once.
+    /// Answers the call at which the program has stopped if it asks for the command line,
+    /// which it does once.
     fn stopped(&mut self, arguments: &str, calls: &[u64], hard_fault: u64) -> io::Result<()> {
         let place = self.register(NEXT)?;
         if u64::from(place) == hard_fault {
@@ -220,8 +226,8 @@ impl Server {
         for call in calls {
             self.command(&format!("z1,{call:x},2"))?;
         }
-        // The parameter block has two words: the buffer's address, and its size, which the answer replaces by the
-        // length.
+        // The parameter block has two words: the buffer's address, and its size, which the answer
+        // replaces by the length.
         let block = self.read_memory(parameter, 8)?;
         let fits = arguments.len() < word(&block, 4) as usize;
         if fits {

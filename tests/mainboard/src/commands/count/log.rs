@@ -1,7 +1,7 @@
 //! The log of a program, as a debug probe shows it.
 //!
-//! The emulator finds the program's RTT buffer and passes the bytes to a TCP port, and the program `ferrostep-mainboard-log`, which lies
-//! beside this one, writes them as text to standard error.
+//! The emulator finds the program's RTT buffer and passes the bytes to a TCP port, and the program
+//! `ferrostep-mainboard-log`, which lies beside this one, writes them as text to standard error.
 
 use std::fmt::Display;
 use std::net::{SocketAddr, TcpStream};
@@ -11,7 +11,8 @@ use std::process::{Command, Stdio};
 /// Name of the program that knows the log's format.
 const PROGRAM: &str = "ferrostep-mainboard-log";
 
-/// Shows the log from an emulator's RTT port until the emulator closes it; `elf` is the image's file.
+/// Shows the log from an emulator's RTT port until the emulator closes it; `elf` is
+/// the image's file.
 ///
 /// # Errors
 /// The port fails, or the log cannot be shown.

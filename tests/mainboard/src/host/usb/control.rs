@@ -42,7 +42,8 @@ pub struct Control {
 }
 
 impl Control {
-    /// A request with packets of this size at endpoint 0; `data` goes to the device, empty for the other direction.
+    /// A request with packets of this size at endpoint 0; `data` goes to the device, empty for the
+    /// other direction.
     #[must_use]
     pub fn new(setup: [u8; 8], data: Vec<u8>, packet: u8) -> Self {
         let packet = usize::from(packet);

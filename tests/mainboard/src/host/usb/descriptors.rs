@@ -1,4 +1,5 @@
-//! The descriptors of a device, USB 2.0 section 9.6 and the class definition of communication devices (CDC 1.2).
+//! The descriptors of a device, USB 2.0 section 9.6 and the class definition of communication
+//! devices (CDC 1.2).
 
 /// The largest full-speed bulk packet.
 const BULK_PACKET: u16 = 64;

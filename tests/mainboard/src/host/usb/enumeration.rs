@@ -135,7 +135,8 @@ impl UsbHost {
         }
     }
 
-    /// Continues after a stalled request, which is harmless for strings and the serial port's settings.
+    /// Continues after a stalled request, which is harmless for strings and the serial
+    /// port's settings.
     fn refused(&mut self, step: Step, bus: &mut impl Bus) {
         match step {
             Step::Languages => self.next_text(3, bus),
@@ -177,7 +178,8 @@ impl UsbHost {
         self.phase = Phase::Open;
     }
 
-    /// Follows a failure of the device: starts again from a reset, or gives the device up after the last attempt.
+    /// Follows a failure of the device: starts again from a reset, or gives the device up after
+    /// the last attempt.
     pub(super) fn fail(&mut self, why: &str, bus: &mut impl Bus) {
         self.errors.failed_requests += 1;
         if !bus.connected() {

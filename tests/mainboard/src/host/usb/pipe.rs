@@ -3,7 +3,8 @@
 /// Bytes of a bulk transaction besides its data, USB 2.0 table 5-9.
 const OVERHEAD_BYTES: u64 = 13;
 
-/// The duration of a transaction with this many bytes of data, ns: at 12 Mbit/s a frame holds 19 packets of 64 bytes.
+/// The duration of a transaction with this many bytes of data, ns: at 12 Mbit/s a frame holds 19
+/// packets of 64 bytes.
 pub(super) fn duration_ns(bytes: u64) -> u64 {
     (OVERHEAD_BYTES + bytes) * 2_000 / 3
 }

@@ -125,7 +125,8 @@ impl UsbHost {
         }
     }
 
-    /// Schedules another attempt after a transaction that failed, clears a halt, or gives the device up.
+    /// Schedules another attempt after a transaction that failed, clears a halt, or
+    /// gives the device up.
     fn retry(&mut self, which: Which, answer: Answer, bus: &mut impl Bus) {
         let (now_ns, nak_retry_ns) = (self.now_ns, self.timing.nak_retry_ns);
         let Some(pipe) = self.pipe(which) else { return };

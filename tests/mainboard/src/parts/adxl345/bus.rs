@@ -9,7 +9,8 @@ const PERIOD_NS: u64 = 200;
 const HALF_NS: u64 = 60;
 /// Shortest time between two frames, ns.
 const DESELECTED_NS: u64 = 150;
-/// Shortest time from the end of a sample's read to the beginning of the next, or of a read of FIFO_STATUS, ns.
+/// Shortest time from the end of a sample's read to the beginning of the next, or of a read of
+/// FIFO_STATUS, ns.
 const BETWEEN_SAMPLES_NS: u64 = 5_000;
 
 /// Counts of what came too soon.

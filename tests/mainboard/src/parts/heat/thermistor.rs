@@ -9,8 +9,8 @@
 //! | platinum | IEC 60751, with the term for temperatures below 0 | `platinum_*` |
 //! | noise, open, short, slipped out, drift, loose contact | | `faults_*`, `noise_*` |
 //!
-//! Left out: self-heating of the bead (some 0.1 K at a pull-up of 4.7 kiloohm), the converter's own errors and sampling
-//! capacitor.
+//! Left out: self-heating of the bead (some 0.1 K at a pull-up of 4.7 kiloohm), the converter's own
+//! errors and sampling capacitor.
 
 use crate::parts::random::Random;
 
@@ -40,13 +40,15 @@ pub enum Curve {
         /// Resistance at 0 degrees Celsius in ohms.
         r0_ohm: f64,
     },
-    /// A maker's table: degrees Celsius, rising, and ohms, falling. Its outermost pairs extrapolate.
+    /// A maker's table: degrees Celsius, rising, and ohms, falling. Its outermost
+    /// pairs extrapolate.
     Table(Vec<(f64, f64)>),
 }
 
 impl Curve {
-    /// Semitec 104GT-2 by its maker's constants: 100 kiloohm at 25 degrees Celsius, B25/85 4267 K. Accurate near those
-    /// temperatures; at 200 degrees and above use [`Curve::semitec_104gt_2_points`].
+    /// Semitec 104GT-2 by its maker's constants: 100 kiloohm at 25 degrees Celsius, B25/85 4267 K.
+    /// Accurate near those temperatures; at 200 degrees and above use
+    /// [`Curve::semitec_104gt_2_points`].
     pub fn semitec_104gt_2() -> Self {
         Self::Beta { r25_ohm: 100_000.0, beta_k: 4267.0 }
     }
@@ -56,7 +58,8 @@ impl Curve {
         Self::three_points([(20.0, 126_800.0), (150.0, 1_360.0), (300.0, 80.65)])
     }
 
-    /// EPCOS (TDK) B57560G104F through three points of its maker's table: 25, 150 and 250 degrees Celsius.
+    /// EPCOS (TDK) B57560G104F through three points of its maker's table: 25, 150 and 250
+    /// degrees Celsius.
     pub fn epcos_b57560g104f() -> Self {
         Self::three_points([(25.0, 100_000.0), (150.0, 1_641.9), (250.0, 226.15)])
     }
@@ -66,7 +69,8 @@ impl Curve {
         Self::Platinum { r0_ohm: 1000.0 }
     }
 
-    /// Steinhart and Hart's equation through three pairs of degrees Celsius and ohms, all different.
+    /// Steinhart and Hart's equation through three pairs of degrees Celsius and
+    /// ohms, all different.
     pub fn three_points(points: [(f64, f64); 3]) -> Self {
         let logs = points.map(|(_, ohm)| ohm.ln());
         let inverse = points.map(|(celsius, _)| 1.0 / (celsius + ZERO_CELSIUS_K));
@@ -120,8 +124,8 @@ pub enum SensorFault {
     Open,
     /// Shorted to ground: 0 V.
     Short,
-    /// Slipped out of its block at `since_ns`: falls to the air's temperature with this time constant, except for a
-    /// share of the block's temperature above it.
+    /// Slipped out of its block at `since_ns`: falls to the air's temperature with this time
+    /// constant, except for a share of the block's temperature above it.
     SlippedOut {
         /// The instant of the slip.
         since_ns: u64,
@@ -179,7 +183,8 @@ impl Thermistor {
         self.fault = fault;
     }
 
-    /// The voltage of one sample at the converter, in millivolts, at these temperatures of sensor and air.
+    /// The voltage of one sample at the converter, in millivolts, at these temperatures
+    /// of sensor and air.
     pub fn millivolts(&mut self, now_ns: u64, celsius: f64, ambient_celsius: f64) -> f64 {
         let reference_mv = self.config.reference_mv;
         let noise_mv = self.random.normal() * self.config.noise_mv;

@@ -2,7 +2,8 @@
 
 use crate::parts::random::Random;
 
-/// Minimum and maximum time between two bounces, in ns: short for a software filter, long for an edge.
+/// Minimum and maximum time between two bounces, in ns: short for a software filter,
+/// long for an edge.
 const BOUNCE_NS: (u64, u64) = (20_000, 200_000);
 
 /// The end of the axis with the switch.

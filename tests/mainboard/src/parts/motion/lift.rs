@@ -1,7 +1,8 @@
 //! Several motors that lift Z, each at its place: they tilt what they lift.
 //!
-//! Two motors tilt along the line between them, three make a plane. Four would twist a frame, which has no single plane: left out. Only
-//! the first motor, the axis's own, moves a switch along Z and meets the frame's ends.
+//! Two motors tilt along the line between them, three make a plane. Four would twist a frame, which
+//! has no single plane: left out. Only the first motor, the axis's own, moves a switch along Z and
+//! meets the frame's ends.
 
 /// The motors that lift Z.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -32,7 +33,8 @@ impl Lift {
         self.motors.iter().skip(1).any(|(further, _)| *further == motor)
     }
 
-    /// Height of the lifted part at a place above that at the axis's own motor, by each motor's height: mm.
+    /// Height of the lifted part at a place above that at the axis's own motor, by each
+    /// motor's height: mm.
     pub fn raised_mm(&self, [x, y]: [f64; 2], height_mm: impl Fn(usize) -> f64) -> f64 {
         let own_mm = self.motors.first().map_or(0.0, |(motor, _)| height_mm(*motor));
         let more = |motor: usize| height_mm(motor) - own_mm;

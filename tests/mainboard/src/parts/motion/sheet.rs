@@ -1,4 +1,5 @@
-//! The steel sheet on the bed, the inductive probe that detects it, and the nozzle that should not press into it.
+//! The steel sheet on the bed, the inductive probe that detects it, and the nozzle that should
+//! not press into it.
 
 use crate::parts::random::Random;
 

@@ -282,7 +282,8 @@ fn a_further_motor_of_z_lifts_its_side() {
     config.lift = Some(lift::Lift::new(vec![(2, [0.0, 50.0]), (4, [100.0, 50.0])]).unwrap());
     let mut motion = Motion::new(config).unwrap();
     let gap = |motion: &Motion| motion.probe_gap_mm().unwrap();
-    // The probe is 10 mm to the left of the middle, where 40 % of what the second motor makes arrives.
+    // The probe is 10 mm to the left of the middle, where 40 % of what the second
+    // motor makes arrives.
     let start = gap(&motion);
     motion.turn_by_hand(4, 1.0);
     assert!((gap(&motion) - start - 0.4).abs() < 1e-6, "{}", gap(&motion));

@@ -8,8 +8,9 @@ const DELAY_CLOCKS: u64 = 1 << 18;
 const SERIES_MILLIOHM: u32 = 20;
 
 impl Tmc2209 {
-    /// CS_ACTUAL: the effective scale, 0 to 31. After standstill the run current stays for TPOWERDOWN and then falls to
-    /// IHOLD by one for each IHOLDDELAY. With GCONF.pdn_disable 0 that requires a low level at PDN_UART (9).
+    /// CS_ACTUAL: the effective scale, 0 to 31. After standstill the run current stays for
+    /// TPOWERDOWN and then falls to IHOLD by one for each IHOLDDELAY. With GCONF.pdn_disable 0 that
+    /// requires a low level at PDN_UART (9).
     pub fn current_scale(&self, now_ns: u64) -> u32 {
         let (run, hold) = (self.registers.irun(), self.registers.ihold());
         if !self.stands_still(now_ns) || (!self.registers.pdn_disable() && self.pdn_level) {
@@ -25,8 +26,8 @@ impl Tmc2209 {
         if hold < run { run.saturating_sub(steps).max(hold) } else { (run + steps).min(hold) }
     }
 
-    /// The phase current in milliamperes RMS at full excitation (8), from scale, VREF and sense resistors. 0 with the
-    /// outputs off.
+    /// The phase current in milliamperes RMS at full excitation (8), from scale, VREF and sense
+    /// resistors. 0 with the outputs off.
     pub fn current_ma(&self, now_ns: u64) -> u32 {
         if !self.energized {
             return 0;

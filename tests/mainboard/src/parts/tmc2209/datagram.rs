@@ -11,7 +11,8 @@ const RECOVERY_BITS: u64 = 12;
 /// Bit times of one byte: start bit, eight data bits, stop bit.
 pub const BYTE_BITS: u64 = 10;
 
-/// The checksum of a datagram: polynomial x^8 + x^2 + x + 1, start value 0, each byte's lowest bit first (4.2).
+/// The checksum of a datagram: polynomial x^8 + x^2 + x + 1, start value 0, each byte's lowest
+/// bit first (4.2).
 pub fn checksum(bytes: &[u8]) -> u8 {
     let mut crc = 0_u8;
     for &byte in bytes {
@@ -91,7 +92,8 @@ pub struct Receiver {
 }
 
 impl Receiver {
-    /// True if a byte that starts now would be the first of a datagram, whose sync nibble sets the bit time.
+    /// True if a byte that starts now would be the first of a datagram, whose sync nibble
+    /// sets the bit time.
     pub fn expects_sync(&self, start_ns: u64) -> bool {
         self.count == 0 || self.gap_too_long(start_ns)
     }
@@ -101,7 +103,8 @@ impl Receiver {
         self.errors
     }
 
-    /// Receives a byte whose start bit began at `start_ns`; returns the datagram that it completes, for any address.
+    /// Receives a byte whose start bit began at `start_ns`; returns the datagram that it completes,
+    /// for any address.
     pub fn byte(&mut self, start_ns: u64, bit_ns: u64, byte: u8) -> Option<Datagram> {
         let end_ns = start_ns + BYTE_BITS * bit_ns;
         if let Some(busy_until_ns) = self.busy_until_ns {
@@ -144,8 +147,8 @@ impl Receiver {
         })
     }
 
-    /// Reports activity that is not a byte: a missing stop bit, a bit time out of range. The line was busy until
-    /// `end_ns`.
+    /// Reports activity that is not a byte: a missing stop bit, a bit time out of range. The line
+    /// was busy until `end_ns`.
     pub fn garbled(&mut self, end_ns: u64) {
         self.fail(end_ns);
     }

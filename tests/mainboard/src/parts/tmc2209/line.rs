@@ -9,7 +9,8 @@ impl Tmc2209 {
         self.receiver.expects_sync(start_ns)
     }
 
-    /// Receives a byte whose start bit began at `start_ns`, with bits of this length; returns the driver's reply.
+    /// Receives a byte whose start bit began at `start_ns`, with bits of this length; returns
+    /// the driver's reply.
     pub fn receive_byte(&mut self, start_ns: u64, bit_ns: u64, byte: u8) -> Option<Reply> {
         if !self.listens(start_ns) {
             return None;
@@ -41,8 +42,10 @@ impl Tmc2209 {
         }
     }
 
-    /// Receives another driver's reply. With SENDDELAY of 0 or 1 the driver takes it for a failed datagram (5.1,
-    /// NODECONF: not allowed with several nodes) and needs silence after it; otherwise it ignores it.
+    /// Receives another driver's reply. With SENDDELAY of 0 or 1 the driver takes it for a
+    /// failed datagram (5.1,
+    /// NODECONF: not allowed with several nodes) and needs silence after it;
+    /// otherwise it ignores it.
     pub fn overhear(&mut self, reply: &Reply) {
         if self.listens(reply.start_ns) && self.registers.send_delay_bits() < 24 {
             self.receiver.garbled(reply.end_ns());
@@ -58,7 +61,8 @@ impl Tmc2209 {
         self.receives() && at_ns >= self.transmits_until_ns
     }
 
-    /// True if a bit has 16 to 2222 clocks: down to 9000 baud with the fastest clock of 20 MHz (4.1.1).
+    /// True if a bit has 16 to 2222 clocks: down to 9000 baud with the fastest clock
+    /// of 20 MHz (4.1.1).
     fn bit_time_fits(&self, bit_ns: u64) -> bool {
         let clocks = bit_ns * u64::from(self.config.clock_hz) / 1_000_000_000;
         (16..=2222).contains(&clocks)

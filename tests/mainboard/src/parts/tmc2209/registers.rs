@@ -93,14 +93,16 @@ pub struct Registers {
 }
 
 impl Registers {
-    /// The values after power-up. `otp` is the one-time memory (OTP_READ, 5.1.1); its power-up values for currents,
-    /// sense resistor, chopper mode and trims are applied, the rest has no effect.
+    /// The values after power-up. `otp` is the one-time memory (OTP_READ, 5.1.1); its
+    /// power-up values for currents, sense resistor, chopper mode and trims are applied, the
+    /// rest has no effect.
     pub fn at_reset(otp: u32) -> Self {
         let bit = |number: u32| otp >> number & 1;
         let ihold = [16, 2, 8, 24][(otp >> 21 & 3) as usize];
         let ihold_delay = [1, 2, 4, 8][(otp >> 19 & 3) as usize];
         Self {
-            // I_scale_analog and multistep_filt are set at reset; otp0.6 is internal_Rsense, otp2.7 en_SpreadCycle.
+            // I_scale_analog and multistep_filt are set at reset; otp0.6 is internal_Rsense,
+            // otp2.7 en_SpreadCycle.
             gconf: 0x101 | bit(6) << 1 | bit(23) << 2,
             gstat: gstat::RESET,
             ifcnt: 0,
@@ -118,8 +120,8 @@ impl Registers {
         }
     }
 
-    /// Stores a write; a write to a read-only or unknown register has no effect. `drv_err_remains` keeps GSTAT.drv_err
-    /// from being cleared while its reason lasts.
+    /// Stores a write; a write to a read-only or unknown register has no effect. `drv_err_remains`
+    /// keeps GSTAT.drv_err from being cleared while its reason lasts.
     pub fn write(&mut self, register: u8, value: u32, drv_err_remains: bool) {
         match register {
             address::GCONF => self.gconf = value & 0x3FF,
@@ -182,7 +184,8 @@ impl Registers {
         self.chopconf & 1 << 29 != 0
     }
 
-    /// CHOPCONF: the step's binary size, 0 for 1/256 to 8 for a full step. 9 to 15 are reserved and read as 8.
+    /// CHOPCONF: the step's binary size, 0 for 1/256 to 8 for a full step. 9 to 15 are
+    /// reserved and read as 8.
     pub fn mres(&self) -> u32 {
         (self.chopconf >> 24 & 0xF).min(8)
     }

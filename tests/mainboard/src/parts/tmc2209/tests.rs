@@ -42,7 +42,8 @@ fn write(driver: &mut Tmc2209, register: u8, value: u32) {
 
 #[test]
 fn checksum_is_the_data_sheets() {
-    // A read of IOIN recorded between a computer and a TMC2209 (public wiki of TMC2209_Raspberry_Pi).
+    // A read of IOIN recorded between a computer and a TMC2209 (public wiki of
+    // TMC2209_Raspberry_Pi).
     assert_eq!(checksum(&[0x55, 0x00, 0x06]), 0xE8);
     assert_eq!(checksum(&[0x05, 0xFF, 0x06, 0x21, 0x00, 0x02, 0x41]), 0x9D);
 }
