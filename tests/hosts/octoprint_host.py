@@ -17,14 +17,14 @@ import requests
 import yaml
 
 PATIENCE_S = 240
-# Another program may take the port before OctoPrint does; so many ports are tried.
+# Ports to try: another program may take one before OctoPrint does.
 PORTS = 5
 # Outside a print OctoPrint numbers no line, so what a bad line takes from a command is never sent
 # again, and it is asked once more.
 ASKS_AGAIN_AFTER_S = 10
-# So often a person tries to connect.
+# Attempts of a person to connect.
 TRIES = 5
-# Of this OctoPrint only: one of another test, which has got the port, does not know it.
+# Key of this OctoPrint only: that of another test, if it has the port, does not know it.
 KEY = uuid.uuid4().hex.upper()
 
 
@@ -34,9 +34,9 @@ def free_port():
         return probe.getsockname()[1]
 
 
-# A line, or its answer, that was lost is asked for a second after this, s. OctoPrint's own 30 s
-# would be half an hour for the lost lines of a print; and after a second the served printer's time
-# goes on, for which it has 2 s of motion at hand.
+# Time after which OctoPrint asks again for a lost line or answer, s. With its default of 30 s the
+# lost lines of a print would take half an hour. The served printer's time continues after a second,
+# and it has 2 s of motion in hand.
 REPORTS_EVERY_S = 1
 
 

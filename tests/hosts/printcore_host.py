@@ -19,12 +19,12 @@ PATIENCE_S = 120
 REMARK = "(said once a job)"
 # Lines of the file after which the person acts: in a whole cube homed, hot, in the first layers.
 ACTS_AT = int(sys.argv[4]) if len(sys.argv) > 4 else 1500
-# So long without a word from the printer while an answer is due, and the host asks. printcore
-# itself waits for ever; Pronterface, which polls temperatures, goes on after its own while. A host
-# that asks too soon gets one answer too many, and from then on has a line more under way, which
-# printcore's way of sending again does not bear.
+# The host asks after this long without a word from the printer while an answer is due, s. printcore
+# waits for ever; Pronterface, which polls temperatures, continues after a time. A host that asks
+# too soon gets one answer too many: from then on it has two lines under way, and printcore's
+# resending fails.
 ASKS_AFTER_S = 0.5
-# What the printer says for the host to know how far it is.
+# Text by which the printer tells the host how far it is.
 MARK = "as far as here"
 # Outside a print printcore numbers no line, so what a bad line takes from a command is never sent
 # again, and the host asks once more.

@@ -94,7 +94,7 @@ pub fn rust(board: &Board) -> String {
          /// Those ports: 0 is A.\npub const MOTOR_PORT_INDICES: [u8; MOTOR_PORTS] = {ports:?};\n\
          /// Step and direction pins of X, Y, Z and E.\n\
          pub const MOTORS: [MotorPins; 4] = [{motors}];\n\
-         /// Those of further motors of Z, and whether each runs the other way round than the axis's own.\n\
+         /// Those of further motors of Z; true: runs the other way round than Z's own.\n\
          pub const FURTHER_Z: [(MotorPins, bool); {}] = [{further}];\n\
          /// Those of the extruders of further tools, and whether each runs the other way round.\n\
          pub const FURTHER_E: [(MotorPins, bool); {}] = [{extruders}];\n\
