@@ -28,7 +28,7 @@ pub(crate) fn backlash(keys: &Section<'_>, kinematics: Kinematics) -> Option<Bac
     if let Some(axis) = backlash.shared_axis(kinematics) {
         let name = AXES[axis];
         let expected = format!(
-            "0: on {} its motors move another axis, too, and turn where {name} does not; tighten the belts",
+            "0: on {} its motors also move another axis, and turn where {name} does not; tighten the belts",
             kinematics.name()
         );
         table.refuse(&format!("play_mm.{name}"), expected);

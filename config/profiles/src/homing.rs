@@ -260,7 +260,7 @@ fn by_stall(
     let AxisHoming { fast_mm_per_s, slow_mm_per_s, .. } = lengths.homing;
     let Some(driver) = driver else {
         let expected =
-            format!("\"end-stop\": the stall signal is a TMC2209's, and the table [drivers.{axis}] is missing");
+            format!("\"end-stop\": the stall signal needs a TMC2209, and the table [drivers.{axis}] is missing");
         return table.refuse("sensor", expected);
     };
     let driver_key = |name: &str| format!("drivers.{axis}.{name}");

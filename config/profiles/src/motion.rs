@@ -68,7 +68,7 @@ pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
         keys.refuse("acceleration", expected);
     }
     if is_shaped(&choice) && interpolation != Interpolation::StepBresenham {
-        let expected = "\"step-bresenham\" with input_shaper and pressure_advance: under the others the motors have no times of their own";
+        let expected = "\"step-bresenham\" with input_shaper and pressure_advance: the other methods do not time each motor separately";
         keys.refuse("interpolation", expected);
     }
     choice
@@ -86,16 +86,15 @@ fn path_tolerance(keys: &Section<'_>, choice: &MotionChoice) -> Option<f64> {
     let with_tolerance = MotionChoice { path_tolerance_mm: Some(tolerance_mm), ..*choice };
     match with_tolerance.tolerance_acceleration_mm_per_s2() {
         None => {
-            let expected = "an input_shaper.x, input_shaper.y or input_shaper.smooth_time_s beside it: without a filter the \
-                            commanded path is the programmed one, and junction_deviation_mm says how fast its corners are";
+            let expected = "an input_shaper.x, input_shaper.y or input_shaper.smooth_time_s beside it: without a filter \
+                            the path is exact, and junction_deviation_mm sets the speed of its corners";
             keys.refuse("path_tolerance_mm", expected);
         }
         Some(acceleration) if acceleration < MIN_ACCELERATION_MM_PER_S2 => {
             let least_mm = (tolerance_mm * MIN_ACCELERATION_MM_PER_S2 / acceleration * 1e4).ceil() * 1e-4;
             let expected = format!(
-                "at least {least_mm:.4} mm, with which short moves accelerate at {MIN_ACCELERATION_MM_PER_S2} mm/s^2: with less \
-                 nothing but crawling keeps it; or shorter filters, by a higher input_shaper frequency_hz, a kind such as \"zv\" or a \
-                 smaller smooth_time_s"
+                "at least {least_mm:.4} mm, where short moves still accelerate at {MIN_ACCELERATION_MM_PER_S2} mm/s^2; or \
+                 shorter filters: a higher input_shaper frequency_hz, a kind such as \"zv\" or a smaller smooth_time_s"
             );
             keys.refuse("path_tolerance_mm", expected);
         }

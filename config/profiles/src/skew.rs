@@ -40,7 +40,7 @@ pub(crate) fn skew(keys: &Section<'_>) -> Skew {
                 Some(factor) => {
                     let most = Skew::MAX_FACTOR * 100.0;
                     let expected = format!(
-                        "lengths of axes that are at most {most} % off their right angle, not {:.1} %: measure again, or mend the frame",
+                        "lengths of axes that are at most {most} % out of square, not {:.1} %: measure again, or mend the frame",
                         factor * 100.0
                     );
                     plane.refuse("ac_mm", expected);

@@ -40,7 +40,7 @@ impl fmt::Display for Failure {
             ),
             Self::Line(error) => write!(out, "does not answer: {error}; is the motor supply on?"),
             Self::Version(version) => {
-                write!(out, "is no TMC2209: its version is 0x{version:02x}, expected 0x{VERSION:02x}")
+                write!(out, "is not a TMC2209: version 0x{version:02x}, expected 0x{VERSION:02x}")
             }
             Self::NotAccepted(register) => write!(out, "does not accept {register}"),
             Self::ReadBack { register, written, found } => {

@@ -42,7 +42,7 @@ pub enum ExchangeError {
 impl fmt::Display for ExchangeError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NoEcho => out.write_str("nothing is heard on its serial line, not even what is sent"),
+            Self::NoEcho => out.write_str("its serial line is silent, even to its own bytes"),
             Self::GarbledEcho => out.write_str("what is sent is garbled on its serial line"),
             Self::NoReply => out.write_str("no reply on its serial line"),
             Self::BadReply(error) => write!(out, "a reply is wrong, {error}"),

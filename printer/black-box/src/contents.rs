@@ -42,7 +42,7 @@ impl fmt::Display for ReadError {
                 "the black box is damaged: its checksum is {computed:08x}, expected {expected:08x}: fetch it again"
             ),
             Self::Slot(place) => write!(out, "slot {place} of the black box is not one of a step queue"),
-            Self::Counts => out.write_str("the black box says that more was played than it holds"),
+            Self::Counts => out.write_str("the black box counts more steps than it holds"),
             Self::Name => out.write_str("a name in the black box is not text"),
             Self::Long(bytes) => write!(out, "{bytes} bytes after the end of the black box, expected none"),
         }

@@ -48,7 +48,7 @@ impl fmt::Display for CardFailure {
             Self::NotMounted => out.write_str("the card is not mounted: M21 mounts it"),
             Self::NoVolume => out.write_str("no FAT16 or FAT32 volume is on it: format it with FAT32"),
             Self::ExFat => out.write_str("it is formatted with exFAT, which cannot be read: format it with FAT32"),
-            Self::NotFound => out.write_str("there is no such file"),
+            Self::NotFound => out.write_str("file not found"),
             Self::IsFolder => out.write_str("it is a folder"),
             Self::BadName => {
                 out.write_str("names of new files have at most 8 characters and 3 after the dot, none of them a space")

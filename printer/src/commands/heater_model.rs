@@ -46,7 +46,7 @@ impl<P: Ports> Printer<'_, P> {
             Ok(words) => words,
             Err(error) => {
                 self.replies.say(format_args!("echo:M306: {error}"));
-                return Err(CommandError::HeaterControl("M306 has words that cannot be read: nothing has changed"));
+                return Err(CommandError::HeaterControl("M306 has unreadable words: nothing has changed"));
             }
         };
         if self.is_for_no_tool(words.tool) {

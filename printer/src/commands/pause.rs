@@ -235,7 +235,7 @@ impl<P: Ports> Printer<'_, P> {
         }
         self.tell_host("//action:paused");
         self.show_prompt(text);
-        self.replies.say(format_args!("echo:{text}. M108 goes on"));
+        self.replies.say(format_args!("echo:{text}. M108 resumes"));
     }
 
     /// Asks the person, by a host that shows prompts.

@@ -42,7 +42,7 @@ impl<P: Ports> Printer<'_, P> {
     /// M798. Switching it on clears the values, so that a report contains one measurement only.
     pub(crate) fn timing(&self, on: Option<bool>, clear: bool) {
         let Some(timing) = self.fitted.timing else {
-            return self.replies.send(Reply::Text("echo:timing: this machine measures none"));
+            return self.replies.send(Reply::Text("echo:timing: this machine has no timer"));
         };
         if on == Some(false) {
             timing.switch(false);

@@ -81,8 +81,7 @@ impl<P: Ports, M: SettingsMemory> KeepsSettings<P> for M {
     fn keep(&self, printer: &mut Printer<'_, P>, command: Option<SettingsCommand>) -> Option<MotionChoice> {
         match command {
             Some(SettingsCommand::Store) if printer.may_not_stall(self) => printer.replies.say(format_args!(
-                "echo:M500: nothing is stored while heaters are on, for this chip stands still while it writes: send M104 S0, \
-                 M140 S0 and then M500"
+                "echo:M500: nothing is stored while heaters are on, because this chip halts as it writes: send M104 S0, M140 S0 and then M500"
             )),
             Some(SettingsCommand::Store) => printer.store_settings(self),
             Some(SettingsCommand::Validate) => {

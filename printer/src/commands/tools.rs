@@ -21,13 +21,13 @@ use crate::settings::profile::tools::{FurtherTool, Tools};
 use crate::settings::profile::z_motors::Kept;
 
 /// Reasons to refuse a change.
-const IN_A_PAUSE: &str = "T: a paused print goes on with the tool that it was paused with: resume or cancel it first";
-const OFFSET_IN_A_PAUSE: &str = "M218: a paused print goes on where it was: resume or cancel it first";
+const IN_A_PAUSE: &str = "T: a paused print resumes with the tool that it was paused with: resume or cancel it first";
+const OFFSET_IN_A_PAUSE: &str = "M218: a paused print resumes where it was: resume or cancel it first";
 const IN_A_JOB: &str = "T: a prepared job cannot change the tool: print the G-code itself";
 const TOO_HIGH: &str = "T: the new nozzle is lower, and Z would have to rise above its travel: lower Z first, or change without a move (S1)";
 const NO_SUCH_TOOL: &str = "T - Invalid extruder number !, this machine has T0 and T1";
-const OTHER_TOOL: &str = "T: this command is for the selected tool: select the other one first (T0, T1)";
-const OF_FIRST: &str = "M218: T0's nozzle is where all offsets begin: set T1's";
+const OTHER_TOOL: &str = "T: this command sets the selected tool: select the other one first (T0, T1)";
+const OF_FIRST: &str = "M218: offsets are measured from T0's nozzle: set T1's";
 const WITH_FIRST: &str = "a prepared job is for T0: send T0 first";
 
 /// A change whose end has been found possible. Places are the carriage's, as the G-code would ask

@@ -123,9 +123,7 @@ impl<P: Ports> Printer<'_, P> {
     fn heated_chamber(&self) -> Result<Heater, CommandError> {
         match self.heating.chamber_is_heated() {
             Some(true) => Ok(Heater::Chamber),
-            Some(false) => Err(CommandError::HeaterControl(
-                "the chamber has no heater of its own that could be tuned: the bed warms it",
-            )),
+            Some(false) => Err(CommandError::HeaterControl("the chamber has no heater to tune: the bed warms it")),
             None => Err(CommandError::NotEquipped(Heater::Chamber.name())),
         }
     }

@@ -71,7 +71,7 @@ impl<P: Ports> Printer<'_, P> {
     pub(crate) async fn shift_z(&mut self, words: &AxisWords, keeps_offset: bool) -> Result<(), CommandError> {
         if words.x.is_some() || words.y.is_some() || words.e.is_some() {
             // Start code of Bambu's X1 has one with a Z that would be no shift either.
-            self.replies.note(self.lines.number, format_args!("M290 shifts Z alone: with X, Y or E it has no effect"));
+            self.replies.note(self.lines.number, format_args!("M290 shifts only Z: with X, Y or E it has no effect"));
             return Ok(());
         }
         if let Some(value) = words.z {

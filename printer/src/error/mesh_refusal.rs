@@ -13,7 +13,7 @@ pub(crate) struct MeshRefusal<'a>(pub &'a MeshError);
 impl fmt::Display for MeshRefusal<'_> {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self.0 {
-            MeshError::Incomplete => out.write_str("there is no mesh of the bed: G29 measures one"),
+            MeshError::Incomplete => out.write_str("the bed has no mesh: measure one with G29"),
             MeshError::TooSteep { slope, maximum } => {
                 let [slope, maximum] = [slope, maximum].map(|slope| Real::fixed(slope * 100.0, 1));
                 write!(
@@ -22,10 +22,10 @@ impl fmt::Display for MeshRefusal<'_> {
                      measured wrong (M420 V)?"
                 )
             }
-            MeshError::SharedMotor => out.write_str("Z has no motor of its own and follows no mesh"),
+            MeshError::SharedMotor => out.write_str("Z shares a motor and cannot follow a mesh"),
             MeshError::FadesTooSoon { least_10nm } => write!(
                 out,
-                "Z: the mesh is too uneven to fade away by then, expected 0 or at least {} mm",
+                "Z: the mesh is too uneven to fade out by then, expected 0 or at least {} mm",
                 mm(least_10nm.into())
             ),
         }

@@ -31,12 +31,12 @@ impl fmt::Display for PlanFaultText<'_> {
                  machine's profile",
             ),
             PlanFault::NotContinued => out.write_str(
-                "the job takes this move and the one before for one, but direction, speed or acceleration change between them: \
+                "the job joins this move to the one before, but direction, speed or acceleration change between them: \
                  prepare the job again for this machine",
             ),
             PlanFault::NotTrapezoid(acceleration) => write!(
                 out,
-                "prepared jobs accelerate by trapezoids, the machine is set to {}: send M796 A0, then start the job again",
+                "prepared jobs need trapezoids, but the machine is set to {}: send M796 A0, then start the job again",
                 acceleration.name()
             ),
         }

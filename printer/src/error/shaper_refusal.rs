@@ -75,7 +75,7 @@ impl ShaperRefusal {
 
     #[inline(never)]
     fn write_spacing(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(out, "there is no {}, expected in mzv(N,T) {}", self.shaper.kind, EvenSpacing::RULE)
+        write!(out, "{}: expected mzv(N,T) with {}", self.shaper.kind, EvenSpacing::RULE)
     }
 
     #[inline(never)]
@@ -90,17 +90,16 @@ impl ShaperRefusal {
 }
 
 /// Reason why a machine with a moving average has no S-curves.
-pub(crate) const SMOOTH_S_CURVE: &str =
-    "input_shaper.smooth_time_s of the profile limits the jerk of a trapezoid, expected M796 A0";
+pub(crate) const SMOOTH_S_CURVE: &str = "input_shaper.smooth_time_s of the profile needs trapezoids: send M796 A0";
 
 /// Text of the reason why a machine has no filters at all now.
 pub(crate) const fn choice_text(error: ChoiceError) -> &'static str {
     match error {
         ChoiceError::Shaper(ShaperError::UnequalMotors) => {
-            "input shapers and pressure advance need the same steps/mm of the motors that move an axis together, expected that of the profile"
+            "input shapers and pressure advance need equal steps/mm on motors that move an axis together: set those of the profile"
         }
         ChoiceError::Shaper(ShaperError::SmoothSCurve) => SMOOTH_S_CURVE,
-        ChoiceError::InMotion => "input shapers and pressure advance change at standstill only, expected M400 before",
+        ChoiceError::InMotion => "input shapers and pressure advance change at standstill only: send M400 first",
         ChoiceError::Shaper(
             ShaperError::Methods
             | ShaperError::Frequency
@@ -112,7 +111,7 @@ pub(crate) const fn choice_text(error: ChoiceError) -> &'static str {
         | ChoiceError::NotContained
         | ChoiceError::Parameter
         | ChoiceError::PressureAdvance(_) => {
-            "input shapers and pressure advance need step-bresenham with trapezoid or s-curve, expected M796 I0 A0 before"
+            "input shapers and pressure advance need step-bresenham with trapezoid or s-curve: send M796 I0 A0 first"
         }
     }
 }

@@ -27,7 +27,7 @@ impl fmt::Display for SkewRefusal {
         let [percent, most] = [factor, Skew::MAX_FACTOR].map(|factor| Real::short(f64::from(factor * 100.0), 2));
         write!(
             out,
-            "{plane}: the axes are {percent} % off their right angle, expected -{most} to {most} %: measure again, or mend the frame"
+            "{plane}: the axes are {percent} % out of square, expected -{most} to {most} %: measure again, or mend the frame"
         )
     }
 }

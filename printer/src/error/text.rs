@@ -18,7 +18,7 @@ use crate::ports::accelerometer::FaultText;
 impl fmt::Display for CommandError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::TooFar => write!(out, "the target is too far away, expected coordinates within 5 m"),
+            Self::TooFar => write!(out, "the target is too far: coordinates are limited to +-5 m"),
             Self::TooMuchFilament => write!(out, "E: too long extrusion prevented, expected at most 1 m in one move"),
             Self::FeedTooSlow { feed_mm_per_s } => {
                 let [minimum, feed] =
@@ -39,8 +39,7 @@ impl fmt::Display for CommandError {
             ),
             Self::ArcRadius { radius_mm, chord_mm } => write!(
                 out,
-                "R: a radius of {} mm does not reach over {} mm: it must be at least half of that, and the end must not be the \
-                 start",
+                "R: a radius of {} mm cannot span {} mm: R must be at least half of that, and the end differ from the start",
                 Real::fixed(*radius_mm, 3),
                 Real::fixed(*chord_mm, 3)
             ),
@@ -93,51 +92,51 @@ impl fmt::Display for CommandError {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(
                     out,
-                    "the print stays paused: {name} was homed when it paused and is not now: home it (G28 {name}), then go on (M602)"
+                    "the print stays paused: {name} has lost its home position: home it (G28 {name}), then resume (M602)"
                 )
             }
             Self::TunesNoPrint => out.write_str(
-                "M303 is for an idle printer: the nozzle has a target or a print is paused; end it (M524, M104 S0), then tune",
+                "M303 needs an idle printer: the nozzle has a target or a print is paused; end it (M524, M104 S0), then tune",
             ),
             Self::HeaterControl(text) => out.write_str(text),
             Self::Shifted { shift_10nm } => write!(
                 out,
-                "M290 or SET_GCODE_OFFSET has shifted Z by {} mm, and a prepared job brings its own heights: SET_GCODE_OFFSET Z=0 and G28 Z end the \
-                 shift, M851 keeps it",
+                "M290 or SET_GCODE_OFFSET has shifted Z by {} mm, and a prepared job has fixed heights: \
+                 send SET_GCODE_OFFSET Z=0 and G28 Z, or keep it by M851",
                 mm(*shift_10nm, 3)
             ),
             Self::MeshAndJob => out.write_str(
-                "a prepared job brings its own heights and follows no mesh: send M420 S0 before it, or print its G-code",
+                "a prepared job has fixed heights and cannot follow the mesh: send M420 S0 first, or print its G-code",
             ),
             Self::SkewAndJob => out.write_str(
-                "a prepared job is planned for axes at right angles: send M852 I0 J0 K0 before it, or print its G-code",
+                "a prepared job cannot correct skewed axes: send M852 I0 J0 K0 first, or print its G-code",
             ),
             Self::TooSkew(refusal) => refusal.fmt(out),
             Self::SharedPlay { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(
                     out,
-                    "{name}: its motors move another axis, too: expected 0, tighten the belts"
+                    "{name}: its motors also move another axis: expected 0, tighten the belts"
                 )
             }
             Self::StepsAndJob => out.write_str(
-                "a prepared job is planned with the profile's steps of the extruder, and M92 has set others: print its G-code, or write them \
-                 into the profile and prepare it anew",
+                "a prepared job is planned with the profile's steps_per_mm.e, and M92 has set another: \
+                 print its G-code, or write it into the profile and prepare it again",
             ),
             Self::Mesh(error) => fmt::Display::fmt(&MeshRefusal(error), out),
             Self::BesideBed => out.write_str(
-                "X, Y: the probe is beside the round bed there: choose a place nearer to the middle of homing.bed_mm",
+                "X, Y: the probe is off the round bed there: choose a place nearer to the middle of homing.bed_mm",
             ),
-            Self::NoScrews => out.write_str("the profile does not say where the bed's screws are: write its table bed_screws"),
+            Self::NoScrews => out.write_str("the profile does not say where the bed's screws are: add a table bed_screws"),
             Self::BedUnhomed { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
-                write!(out, "{name} is not homed: send G28 before the bed is probed or followed")
+                write!(out, "{name} is not homed: send G28 before probing or mesh levelling")
             }
             Self::FailedHome { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
-                write!(out, "homing {name} has failed, so that the print would go on at an unknown place: home it (G28) first")
+                write!(out, "homing {name} has failed, and its position is unknown: home it (G28) before the print")
             }
-            Self::ShiftsNoJob => write!(out, "a prepared job brings its own heights: send M290 before or after it"),
+            Self::ShiftsNoJob => write!(out, "a prepared job has fixed heights: send M290 before or after it"),
             Self::ShiftsHomedZ => write!(out, "Z is not homed: send G28 before M290"),
             Self::SensorStuck { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
@@ -167,13 +166,13 @@ impl fmt::Display for CommandError {
             Self::SupplyOff => out.write_str("the power supply is off: M80 switches it on"),
             Self::SupplyInUse => out.write_str("a print is under way or paused: M524 ends it"),
             Self::CardInUse => {
-                out.write_str("the memory card is in use: M524 ends a print from it, M29 ends what is written to it")
+                out.write_str("the memory card is in use: M524 ends a print from it, M29 ends an upload")
             }
             Self::WritesWithinPrint => out.write_str(
                 "M28: the lines up to M29 would be executed and not written: leave M28 and M29 out of the file",
             ),
             Self::CardPrints => out
-                .write_str("the memory card is printing, and this line would move its print: pause it first with M25"),
+                .write_str("the memory card is printing, and this line would disturb it: pause it first (M25)"),
             Self::NotEquipped(what) => write!(out, "this board has no {what}"),
             Self::Accelerometer(fault) => write!(out, "{}", FaultText(*fault)),
             Self::MotionChoice(ChoiceError::NotContained) => {
@@ -189,11 +188,11 @@ impl fmt::Display for CommandError {
             Self::MotionChoice(ChoiceError::Shaper(_)) => {
                 write!(
                     out,
-                    "M796: input shapers and pressure advance need step-bresenham (I0), expected M593 F0 and M900 K0 before"
+                    "M796: input shapers and pressure advance need step-bresenham (I0): send M593 F0 and M900 K0 first"
                 )
             }
             Self::UnknownShaper(name) => {
-                write!(out, "\"{name}\" is no input shaper of this machine, expected {}", shaper_refusal::KnownShapers)
+                write!(out, "\"{name}\" is not an input shaper, expected {}", shaper_refusal::KnownShapers)
             }
             Self::Shaper(refusal) => fmt::Display::fmt(refusal, out),
             Self::Advance(refusal) => fmt::Display::fmt(refusal, out),
@@ -226,7 +225,7 @@ impl fmt::Display for CommandError {
             Self::HeatersTimedOut => {
                 write!(
                     out,
-                    "the heaters were switched off during the wait, as unused: allow more time with M86 S before it"
+                    "the heaters were switched off during the wait (idle timeout): raise it first (M86 S)"
                 )
             }
             Self::Stopped => write!(out, "motion was stopped"),
@@ -234,9 +233,9 @@ impl fmt::Display for CommandError {
                 match fault {
                     MotionFault::Miscount(Miscount { motor, counted, expected }) => {
                         let name = AXIS_NAMES.get(*motor).copied().unwrap_or('?');
-                        write!(out, "motor {name} stands at step {counted}, expected {expected}: ")?;
+                        write!(out, "motor {name} is at step {counted}, expected {expected}: ")?;
                     }
-                    MotionFault::StepsTooNear => write!(out, "two steps were planned too near each other: ")?,
+                    MotionFault::StepsTooNear => write!(out, "two steps were planned too close together: ")?,
                     MotionFault::MissedUpdates(updates) => {
                         write!(out, "the step interrupt missed {updates} updates of its timer: ")?;
                     }
@@ -248,16 +247,16 @@ impl fmt::Display for CommandError {
             }
             Self::OtherPlace { job_10nm, machine_10nm } => write!(
                 out,
-                "the job goes on at {}, the machine stands at {}: home it (G28), then start the job again",
+                "the job starts at {}, the machine is at {}: home it (G28), then start the job again",
                 Place(*job_10nm),
                 Place(*machine_10nm)
             ),
             Self::Outside { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
-                write!(out, "{name}: outside the soft limits: a prepared job must stay within the travel")
+                write!(out, "{name}: outside the soft limits: a prepared job must stay within them")
             }
             Self::Plan(fault) => fmt::Display::fmt(&PlanFaultText(fault), out),
-            Self::BlackBoxInPrint => out.write_str("M791: the black box is read at rest: end the print first"),
+            Self::BlackBoxInPrint => out.write_str("M791 needs an idle printer: end the print first"),
             Self::NoJobs => write!(out, "M790 works on a board's serial or USB port only"),
         }
     }

@@ -42,10 +42,7 @@ impl fmt::Display for TowerRefusal {
                  SET_VELOCITY_LIMIT"
             ),
             Self::NoNumber(parameter) => {
-                write!(
-                    out,
-                    "PARAMETER: {parameter} is no number of this command, expected one that it takes as it stands"
-                )
+                write!(out, "PARAMETER: this command has no plain number {parameter}, expected one such as K of M900")
             }
             Self::TooLong => write!(out, "COMMAND and PARAMETER: expected at most {MAX_PREFIX} characters"),
             Self::InJob => out.write_str("a prepared job has its own values: TUNING_TOWER needs G-code"),

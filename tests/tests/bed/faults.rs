@@ -24,7 +24,7 @@ fn places_off_the_bed() {
         ("M555 X10 Y195 W30 H20", "H: 20 is out of range, expected 1 to 5"),
         ("M420 Z-1", "Z: -1 is out of range, expected 0 or more"),
         ("M420 Z201", "Z: 201 is out of range, expected 0 to 200"),
-        ("M421 I0 J0 Z0", "there is no mesh of the bed: G29 measures one"),
+        ("M421 I0 J0 Z0", "the bed has no mesh: measure one with G29"),
     ] {
         let (failures, _) = refusals("", &["G28", line]);
         assert_eq!(failures.len(), 1, "{line}: {failures:?}");
@@ -48,9 +48,9 @@ fn places_off_the_bed() {
 fn a_machine_that_is_not_homed() {
     for line in ["G29", "G30", "M48", "M420 S1", "BED_MESH_CALIBRATE"] {
         let (failures, _) = refusals("", &[line]);
-        assert_eq!(failures, ["X is not homed: send G28 before the bed is probed or followed"], "{line}");
+        assert_eq!(failures, ["X is not homed: send G28 before probing or mesh levelling"], "{line}");
         let (failures, _) = refusals("", &["G28", "M84 Y", line]);
-        assert_eq!(failures, ["Y is not homed: send G28 before the bed is probed or followed"], "{line}");
+        assert_eq!(failures, ["Y is not homed: send G28 before probing or mesh levelling"], "{line}");
     }
 }
 
@@ -60,7 +60,7 @@ fn a_mesh_that_is_missing_is_told() {
     for lines in [&["G28", "M420 S1"][..], &["G28", "G29", "BED_MESH_CLEAR", "M420 S1"], &["G28", "G29 A"]] {
         let (failures, said) = refusals("", lines);
         assert_eq!(failures, [""; 0]);
-        let told = "echo:Failed to enable Bed Leveling: there is no mesh of the bed: G29 measures one";
+        let told = "echo:Failed to enable Bed Leveling: the bed has no mesh: measure one with G29";
         assert!(said.iter().any(|line| line == told), "{lines:?}: {said:?}");
         assert_eq!(said.iter().rev().find(|line| line.starts_with("echo:Bed")).unwrap(), "echo:Bed Leveling OFF");
     }
@@ -90,7 +90,7 @@ fn a_probe_that_fails() {
                 "{:?}",
                 done.said
             );
-            assert!(done.said.iter().any(|said| said.contains("there is no mesh")), "{:?}", done.said);
+            assert!(done.said.iter().any(|said| said.contains("the bed has no mesh")), "{:?}", done.said);
             // The nozzle does not stay at the bed, and the heater has its target.
             assert!(done.logical_mm[2] >= 2.9, "{sheet}: {:?}", done.logical_mm);
         }
@@ -114,7 +114,7 @@ fn a_mesh_that_z_cannot_follow() {
     let done = run(&profile(mesh), ["G28", "G29", "M421 I1 J1 Z0.5", "M420 Z1", "M420"]);
     assert_eq!(
         done.failures[0].1.to_string(),
-        "Z: the mesh is too uneven to fade away by then, expected 0 or at least 2.00 mm"
+        "Z: the mesh is too uneven to fade out by then, expected 0 or at least 2.00 mm"
     );
     assert!(
         done.said.ends_with(&["echo:Bed Leveling ON".to_owned(), "echo:Fade Height OFF".to_owned()]),

@@ -39,7 +39,7 @@ fn play(profile: &Profile, lines: &[&str], job: &[u8]) -> Result<(), String> {
 #[test]
 fn a_prepared_job_follows_no_mesh() {
     let machine = profile("[mesh]\npoints = { x = 2, y = 2 }\n[mesh.sheet]\ntilt_mm = { x = 0.5, y = 0 }\n");
-    let says = "a prepared job brings its own heights and follows no mesh";
+    let says = "a prepared job has fixed heights and cannot follow the mesh";
     for encoding in [Encoding::Compact, Encoding::Wide] {
         let job = prepared(&machine, "G1 X10 Y10 Z2 F3000\nG1 X50\n", encoding).unwrap();
         let refused = play(&machine, &["G28", "G29"], &job).unwrap_err();

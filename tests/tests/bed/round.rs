@@ -50,11 +50,11 @@ fn places_beside_the_bed_are_refused() {
         let done = run(&machine, ["G28", line]);
         assert_eq!(done.failures.len(), 1, "{line}: {:?}", done.failures);
         let says = done.failures[0].1.to_string();
-        assert!(says.contains("beside the round bed"), "{line}: {says}");
+        assert!(says.contains("off the round bed"), "{line}: {says}");
         assert!(run(&profile(SHEET), ["G28", line]).failures.is_empty(), "{line}");
     }
     run(&machine, ["G28", "G30 X30 Y35", "G30 X0 Y100"]).well();
     // A probe that would miss the bed where Z homes.
     let done = run(&machine, ["M851 X70 Y70"]);
-    assert!(done.failures[0].1.to_string().contains("beside the round bed"), "{:?}", done.failures);
+    assert!(done.failures[0].1.to_string().contains("off the round bed"), "{:?}", done.failures);
 }

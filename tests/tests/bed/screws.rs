@@ -75,5 +75,5 @@ fn what_is_missing_is_named() {
     let unhomed = run(&machine([0.0, 0.0], true), ["G35"]);
     assert!(unhomed.failures[0].1.to_string().contains("is not homed"), "{:?}", unhomed.failures);
     let none = run(&profile(""), ["G28", "G35"]);
-    assert!(none.failures[0].1.to_string().contains("its table bed_screws"), "{:?}", none.failures);
+    assert!(none.failures[0].1.to_string().contains("add a table bed_screws"), "{:?}", none.failures);
 }

@@ -88,8 +88,8 @@ fn a_print_is_reported_paused_and_ended() {
         };
         lines.iter().map(|line| (*line).to_owned()).collect()
     });
-    let refused = "the memory card is printing, and this line would move its print: pause it first with M25";
-    let in_use = "the memory card is in use: M524 ends a print from it, M29 ends what is written to it";
+    let refused = "the memory card is printing, and this line would disturb it: pause it first (M25)";
+    let in_use = "the memory card is in use: M524 ends a print from it, M29 ends an upload";
     let expected = [
         "echo:SD card ok",
         "ok",
@@ -367,7 +367,7 @@ fn names_are_told() {
             "/Parts of the machine/Left side/Bracket, thick.gcode",
             "ok",
             "open failed, File: NONE.GCO.",
-            "echo:card: there is no such file",
+            "echo:card: file not found",
             "ok",
             "echo:SD card released",
             "ok",
@@ -504,7 +504,7 @@ fn a_line_that_nothing_mends_is_left_out() {
             let goes_on = setup.has_said("//action:paused") && !std::mem::replace(&mut is_over, true);
             if goes_on { vec!["M24".to_owned()] } else { Vec::new() }
         });
-        assert!(said.iter().any(|said| said.contains("at line 3; M24 goes on after the line")), "{line}: {said:?}");
+        assert!(said.iter().any(|said| said.contains("at line 3; M24 resumes after the line")), "{line}: {said:?}");
         assert_eq!(said.last().unwrap(), "Done printing file", "{line}: {said:?}");
         assert_eq!(setup.motor_steps()[0], 30 * 80, "{line}");
     }

@@ -273,9 +273,9 @@ fn the_printer_says_what_it_knows_and_forgets_it_when_asked() {
             "echo:power loss: the print of /PRINT.GCO was interrupted at byte {offset} of {}, after line {line}, at Z{z_mm}",
             text.len()
         ),
-        "echo:power loss: M1000 goes on with it, M1000 C forgets it".to_owned(),
+        "echo:power loss: M1000 resumes it, M1000 C forgets it".to_owned(),
         "//action:prompt_end".to_owned(),
-        "//action:prompt_begin A print was interrupted. Continue heats, homes X and Y and goes on; Forget gives it up"
+        "//action:prompt_begin A print was interrupted. Continue heats, homes X and Y and resumes; Forget drops it"
             .to_owned(),
         "//action:prompt_button Continue".to_owned(),
         "//action:prompt_button Forget".to_owned(),
@@ -362,7 +362,7 @@ fn refusal(setup: &Setup, printer: &mut crate::card::setup::DeskPrinter<'_>) -> 
 #[test]
 fn what_cannot_go_on_is_refused_with_its_reason() {
     let (card, _) = interrupted();
-    let what = "echo:power loss: the interrupted print of /PRINT.GCO cannot go on: ";
+    let what = "echo:power loss: the print of /PRINT.GCO cannot resume: ";
     // The file is another one, or missing.
     let setup = Setup::new(profile("cartesian"), card.clone());
     setup.put("PRINT.GCO", b"G28\n");
@@ -372,7 +372,7 @@ fn what_cannot_go_on_is_refused_with_its_reason() {
     let setup = Setup::new(profile("cartesian"), card.clone());
     let mut printer = setup.printer();
     setup.converse(&mut printer, &["M21", "M30 PRINT.GCO"], &mut nothing);
-    assert_eq!(refusal(&setup, &mut printer), format!("{what}there is no such file"));
+    assert_eq!(refusal(&setup, &mut printer), format!("{what}file not found"));
     // The machine has moved before the card was found.
     let setup = Setup::new(profile("cartesian"), card.clone());
     let mut printer = setup.printer();

@@ -173,7 +173,7 @@ fn another_card_does_not_go_on_with_the_print() {
         }
         Vec::new()
     });
-    assert!(said.contains(&"echo:card: there is no such file; the print waits for M24".to_owned()), "{said:?}");
+    assert!(said.contains(&"echo:card: file not found; the print waits for M24".to_owned()), "{said:?}");
     assert!(said.contains(&"//action:cancel".to_owned()), "{said:?}");
     // The printer can print again.
     let said = setup.say(&["M21", "M32 !PARTS/ONE.GCO#"], &mut nothing);

@@ -126,7 +126,7 @@ fn the_text_of_m1_reaches_the_person() {
     let machine = machine(&profile("cartesian"));
     let mut host = Conversation::new(&machine);
     let said = host.say("M1 S1 Insert the magnets");
-    assert!(said.contains(&"echo:Insert the magnets. M108 goes on".to_owned()), "{said:?}");
+    assert!(said.contains(&"echo:Insert the magnets. M108 resumes".to_owned()), "{said:?}");
     assert!(said.contains(&"//action:prompt_begin Insert the magnets".to_owned()), "{said:?}");
     assert!(!said.concat().contains("no effect"), "{said:?}");
 }

@@ -361,7 +361,7 @@ fn a_host_that_pauses_by_itself_finds_the_print_where_it_was() {
     print.say("M25");
     print.conversation.say("M84 X");
     let replies = print.conversation.say("M602");
-    assert!(replies.concat().contains("X was homed when it paused and is not now: home it (G28 X)"), "{replies:?}");
+    assert!(replies.concat().contains("X has lost its home position: home it (G28 X)"), "{replies:?}");
     print.conversation.say("G28 X");
     assert_eq!(count(&print.conversation.say("M602"), "//action:resumed"), 1);
     assert_eq!(print.stands_mm(), [20.0, 30.0, 5.0]);

@@ -322,7 +322,7 @@ fn impossible_plans_stop_where_they_begin() {
     says(&message(&moves), "line 5: the planned speed is too low: 1.0 mm/s, where the move before slows down to ");
     // 40 mm belong to no move.
     let moves = [(40, EntrySpeed::Bound), (40, EntrySpeed::Continues)];
-    assert!(message(&moves).contains("takes this move and the one before for one"), "{}", message(&moves));
+    assert!(message(&moves).contains("joins this move to the one before"), "{}", message(&moves));
     // Beyond the end of the axis.
     let moves = [(40, EntrySpeed::Bound), (400, EntrySpeed::Bound)];
     assert!(message(&moves).contains("X: outside the soft limits"), "{}", message(&moves));

@@ -191,7 +191,7 @@ fn the_desk_refuses_to_measure_times() {
     let machine = machine(&profile("cartesian"));
     let mut conversation = Conversation::new(&machine);
     for line in ["M798", "M798 S1", "M798 R"] {
-        assert_eq!(conversation.say(line), ["echo:timing: this machine measures none", "ok"], "{line}");
+        assert_eq!(conversation.say(line), ["echo:timing: this machine has no timer", "ok"], "{line}");
     }
     assert_eq!(conversation.say("M798 S2"), ["echo:line 4: S: 2 is out of range, expected 0 to 1", "ok"]);
 }

@@ -181,7 +181,7 @@ fn no_job_is_prepared_for_skew_axes() {
     assert_eq!(outcome.status, Some(0), "{outcome:#?}");
     // The skew is measured on each machine anew and binds no job: the machine itself refuses.
     let outcome = ferrostep(["print", job, "--profile", skew]);
-    assert!(outcome.stderr.contains("send M852 I0 J0 K0 before it, or print its G-code"), "{outcome:#?}");
+    assert!(outcome.stderr.contains("send M852 I0 J0 K0 first, or print its G-code"), "{outcome:#?}");
 }
 
 #[test]
@@ -192,7 +192,7 @@ fn a_profile_says_what_is_wrong_with_its_skew() {
         ("xy.factor = 0.06", "skew.xy.factor"),
         ("xy.ac_mm = 141.4", "either factor, or ac_mm, bd_mm and ad_mm"),
         ("xz = { factor = 0.01, ac_mm = 140, bd_mm = 140, ad_mm = 100 }", "either factor, or ac_mm, bd_mm and ad_mm"),
-        ("yz = { ac_mm = 150, bd_mm = 130, ad_mm = 100 }", "at most 5 % off their right angle, not 14.4 %"),
+        ("yz = { ac_mm = 150, bd_mm = 130, ad_mm = 100 }", "at most 5 % out of square, not 14.4 %"),
         ("yz = { ac_mm = 100, bd_mm = 100, ad_mm = 300 }", "the diagonals and the side of one parallelogram"),
     ] {
         let profile = file(&directory, "profile.toml", format!("{text}\n[skew]\n{keys}\n"));

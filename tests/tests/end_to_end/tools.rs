@@ -303,8 +303,8 @@ fn what_cannot_be_is_refused_by_name() {
         ("M900 T2 K0.1", "this machine has T0 and T1"),
         ("M301 E2 P10", "this machine has T0 and T1"),
         ("M303 E2", "this machine has T0 and T1"),
-        ("M600 T1", "is for the selected tool"),
-        ("M701 T1 L10", "is for the selected tool"),
+        ("M600 T1", "sets the selected tool"),
+        ("M701 T1 L10", "sets the selected tool"),
     ] {
         let before = steps(&machine);
         let said = host.say(line);

@@ -61,10 +61,10 @@ fn motors_that_move_two_axes_have_no_play_of_one() {
     let rig = rig(Kinematics::CoreXy);
     let mut printer = rig.printer();
     // The profile's own, which its reader would have refused.
-    assert!(refusal(&mut printer, "M425 Z0.03").starts_with("X: its motors move another axis, too"));
+    assert!(refusal(&mut printer, "M425 Z0.03").starts_with("X: its motors also move another axis"));
     execute(&mut printer, "M425 X0 Z0.03").unwrap();
     assert_eq!(play(&printer).play_mm, [0.0, 0.0, 0.03]);
-    assert!(refusal(&mut printer, "M425 Y0.1").starts_with("Y: its motors move another axis, too"));
+    assert!(refusal(&mut printer, "M425 Y0.1").starts_with("Y: its motors also move another axis"));
 }
 
 #[test]

@@ -34,7 +34,7 @@ const AMPLIFICATION: [f64; 3] = [0.5, 2.0, 1.0];
 /// Errors of G34. The lines before have reported the differences.
 const GROWS: &str = "the points differ by no less than before the motors of Z were moved: is each plugged in where the profile says \
                      (z_motors.motors), and does none run the other way round?";
-const ENDS: &str = "the points still differ by more than T: send G34 once more, with a larger I or T";
+const ENDS: &str = "the points still differ by more than T: send G34 again, with a larger I or T";
 const TOO_FAR: &str = "the motors of Z are farther apart than z_motors.max_correction_mm: bring them nearer by hand";
 
 /// Aim of a G34.

@@ -87,7 +87,7 @@ impl<P: Ports> Printer<'_, P> {
             Err(error) => self.replies.say(format_args!("echo:line {number}: {error}")),
         }
         if is_refused {
-            let goes_on = if is_mendable { "tries the line again" } else { "goes on after the line" };
+            let goes_on = if is_mendable { "tries the line again" } else { "resumes after the line" };
             self.replies.say(format_args!(
                 "echo:card: the print is paused at line {number}; M24 {goes_on}, M524 ends the print"
             ));

@@ -135,7 +135,7 @@ fn m108_and_faults_end_it_and_the_model_stays() {
 fn a_hot_heater_and_a_print_refuse_it() {
     let world = world();
     say(&world, "M109 S180");
-    assert!(say(&world, "M306 T")[0].contains("M303 is for an idle printer"));
+    assert!(say(&world, "M306 T")[0].contains("M303 needs an idle printer"));
     say(&world, "M104 S0");
     assert!(say(&world, "M306 T")[0].contains("let it cool"));
     assert!(say(&world, "M303 S180")[0].contains("let it cool"));

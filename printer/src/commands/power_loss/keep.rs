@@ -201,7 +201,7 @@ impl<P: Ports> Printer<'_, P> {
         }
         if let Some(failure) = failure {
             self.print.power_loss.is_keeping = false;
-            self.replies.say(format_args!("echo:power loss: the place of this print is no longer kept: {failure}"));
+            self.replies.say(format_args!("echo:power loss: the place of this print cannot be kept: {failure}"));
         }
         if is_noted {
             self.print.power_loss.stands_10nm = Some(stands_10nm);

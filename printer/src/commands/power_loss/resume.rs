@@ -84,7 +84,7 @@ impl<P: Ports> Printer<'_, P> {
         self.print.power_loss.is_offered = true;
         if let Err(why) = opened.map_err(NoWay::Card).and_then(|()| self.checked_place()) {
             let name = self.kept_name();
-            self.replies.say(format_args!("echo:power loss: the interrupted print of {name} cannot go on: {why}"));
+            self.replies.say(format_args!("echo:power loss: the print of {name} cannot resume: {why}"));
             return self.replies.send(Reply::Text("echo:power loss: M1000 C forgets it"));
         }
         if command == InterruptedPrint::Report {
@@ -93,7 +93,7 @@ impl<P: Ports> Printer<'_, P> {
         if let Some(selected) = self.with_opened(|file: &OpenedFile| Selected::from(file)) {
             self.print.card.select(selected);
             self.replies.send(Reply::Text(
-                "//action:prompt_end\necho:power loss: the print goes on: heating, then X and Y are homed",
+                "//action:prompt_end\necho:power loss: the print resumes: heating, then X and Y are homed",
             ));
             (self.print.power_loss.is_offered, self.print.power_loss.is_resuming) = (false, true);
             self.set_card_job(Job::Paused);
@@ -138,9 +138,9 @@ impl<P: Ports> Printer<'_, P> {
             "echo:power loss: the print of {name} was interrupted at byte {offset} of {size}, after line {lines}, at Z{z_mm}"
         ));
         self.replies.send(Reply::Text(
-            "echo:power loss: M1000 goes on with it, M1000 C forgets it\n//action:prompt_end\n\
-             //action:prompt_begin A print was interrupted. Continue heats, homes X and Y and goes \
-             on; Forget gives it up\n\
+            "echo:power loss: M1000 resumes it, M1000 C forgets it\n//action:prompt_end\n\
+             //action:prompt_begin A print was interrupted. Continue heats, homes X and Y and \
+             resumes; Forget drops it\n\
              //action:prompt_button Continue\n//action:prompt_button Forget\n//action:prompt_show",
         ));
     }
@@ -227,7 +227,7 @@ impl<P: Ports> Printer<'_, P> {
         let goes_on = self.print.card.job == Job::Printing;
         self.print.power_loss.is_resuming = !goes_on;
         if !goes_on {
-            self.replies.send(Reply::Text("echo:power loss: the print cannot go on; M1000 tries again"));
+            self.replies.send(Reply::Text("echo:power loss: the print cannot resume; M1000 retries"));
         }
         goes_on
     }

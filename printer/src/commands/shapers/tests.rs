@@ -151,16 +151,16 @@ fn what_cannot_be_made_is_refused_with_its_numbers_and_the_filters_stay() {
              (M593 F, SHAPER_FREQ_Y) or a shorter kind"
                 .to_string(),
         ),
-        ("M593 P\"zvddd\" F40", format!("\"zvddd\" is no input shaper of this machine, {names}")),
-        ("M593 P\"custom\"", format!("\"custom\" is no input shaper of this machine, {names}")),
-        ("SET_INPUT_SHAPER SHAPER_TYPE=mzv(5;0.9)", format!("\"mzv(5;0.9)\" is no input shaper of this machine, {names}")),
+        ("M593 P\"zvddd\" F40", format!("\"zvddd\" is not an input shaper, {names}")),
+        ("M593 P\"custom\"", format!("\"custom\" is not an input shaper, {names}")),
+        ("SET_INPUT_SHAPER SHAPER_TYPE=mzv(5;0.9)", format!("\"mzv(5;0.9)\" is not an input shaper, {names}")),
         (
             "SET_INPUT_SHAPER SHAPER_TYPE=mzv(n=9,t=0.9)",
-            "input shaper of X: there is no mzv(9,0.900), expected in mzv(N,T) N from 3 to 5, and T below (N-1)/2 but not so small \
+            "input shaper of X: mzv(9,0.900): expected mzv(N,T) with N from 3 to 5, and T below (N-1)/2 but not so small \
              that an impulse would be negative"
                 .to_string(),
         ),
-        ("SET_INPUT_SHAPER SHAPER_TYPE_Y=", format!("\"\" is no input shaper of this machine, {names}")),
+        ("SET_INPUT_SHAPER SHAPER_TYPE_Y=", format!("\"\" is not an input shaper, {names}")),
     ] {
         let error = execute(&mut printer, line).unwrap_err();
         assert_eq!(error.to_string(), says, "{line}");
@@ -185,6 +185,6 @@ fn a_moving_average_takes_its_part_of_the_longest_filter_and_keeps_the_trapezoid
     execute(&mut printer, "M593 P\"mzv\" F15.08").unwrap();
     assert_eq!(rig.choice().smooth_time_s, Some(0.05));
     let s_curve = CommandError::MotionChoice(ChoiceError::Shaper(ShaperError::SmoothSCurve));
-    let says = "M796: input_shaper.smooth_time_s of the profile limits the jerk of a trapezoid, expected M796 A0";
+    let says = "M796: input_shaper.smooth_time_s of the profile needs trapezoids: send M796 A0";
     assert_eq!(s_curve.to_string(), says);
 }

@@ -209,7 +209,10 @@ fn what_is_no_live_value_is_refused_by_its_name() {
     ] {
         let line = format!("TUNING_TOWER COMMAND={command} PARAMETER=\"{parameter}\" START=0 FACTOR=1");
         let says = refused(&line);
-        assert!(says.starts_with(&format!("PARAMETER: {parameter} is no number of this command")), "{line}: {says}");
+        assert!(
+            says.starts_with(&format!("PARAMETER: this command has no plain number {parameter}")),
+            "{line}: {says}"
+        );
     }
     let long = "0".repeat(60);
     let says = refused(&format!("TUNING_TOWER COMMAND=\"M900 T{long}\" PARAMETER=K START=0 FACTOR=1"));

@@ -350,8 +350,8 @@ fn a_target_out_of_range_and_a_print_refuse_it() {
         ("M105", "M303 S270", "S: 270 is out of range, expected 40 to 260"),
         ("M105", "M303 S20", "S: 20 is out of range, expected 40 to 260"),
         ("M105", "M303 E-1 S270", "S: 270 is out of range, expected 40 to 265"),
-        ("M104 S100", "M303 S200", "M303 is for an idle printer"),
-        ("M104 S100", "M303 E-1 S60", "M303 is for an idle printer"),
+        ("M104 S100", "M303 S200", "M303 needs an idle printer"),
+        ("M104 S100", "M303 E-1 S60", "M303 needs an idle printer"),
     ] {
         let world = World::new();
         say(&world, before);
@@ -376,7 +376,7 @@ fn a_target_out_of_range_and_a_print_refuse_it() {
     world.said();
     execute(&world, &mut printer, "M303 S200", |_| {});
     let said = world.said();
-    assert!(said[0].contains("M303 is for an idle printer"), "{said:?}");
+    assert!(said[0].contains("M303 needs an idle printer"), "{said:?}");
 }
 
 /// A chamber with a heater, or a thermometer alone.
@@ -428,10 +428,9 @@ fn m303_finds_the_gains_of_a_chamber() {
 
 #[test]
 fn a_chamber_without_a_heater_is_refused_by_name() {
-    for (world, why) in [
-        (with_chamber(false), "the chamber has no heater of its own that could be tuned: the bed warms it"),
-        (World::new(), "chamber"),
-    ] {
+    for (world, why) in
+        [(with_chamber(false), "the chamber has no heater to tune: the bed warms it"), (World::new(), "chamber")]
+    {
         let said = say(&world, "M303 E-2 S50");
         assert!(said[0].starts_with("echo:line 1: ") && said[0].contains(why), "{said:?}");
         assert_eq!(world.target(Heater::Chamber), 0.0);

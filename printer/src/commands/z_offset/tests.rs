@@ -99,7 +99,7 @@ fn a_shift_has_limits() {
     printer.interpreter.modal.in_prepared_job = false;
     for line in ["M290 X1", "M290 Z1 Y1", "M290 E1", "M290 X40 Y40 Z2.6666666"] {
         execute(&mut printer, line).unwrap();
-        assert!(rig.last_texts().concat().contains("M290 shifts Z alone"), "{line}");
+        assert!(rig.last_texts().concat().contains("M290 shifts only Z"), "{line}");
     }
     assert_eq!((rig.true_mm()[2], printer.interpreter.modal.z.shift_10nm), (-0.5 - 1.6, -160_000));
     // Nor may the offset leave its range with it.
