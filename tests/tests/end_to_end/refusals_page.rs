@@ -1,6 +1,7 @@
-//! The page of refusals in the book: the command's answer to each kind of bad input, word for word.
+//! The command's answer to each kind of bad input, word for word: the book's page of refusals, and
+//! beside the tests' data that of lines of G-code.
 //!
-//! The page is compared with the present answers. `FERROSTEP_REFRESH=1` writes it anew; the
+//! Both are compared with the present answers. `FERROSTEP_REFRESH=1` writes them anew; the
 //! difference then shows whether a refusal lost its place, its figures or its cure.
 
 use std::fmt::Write as _;
@@ -10,11 +11,22 @@ use crate::end_to_end::command::{directory, ferrostep, file, repository};
 use crate::end_to_end::papers::REFRESH_VARIABLE;
 
 const PAGE: &str = "docs/src/refusals.md";
+const LINES_PAGE: &str = "tests/data/refused-lines.md";
 
 const HEAD: &str = "# Refusals
 
-What `ferrostep print` answers to bad input; a board sends the same words over its line. A refused line has no effect: the moves
-before it are finished, and the job ends there. A test compares this page with the command, word for word.
+To see what a file or a profile is refused for:
+
+    ferrostep print FILE --profile my-printer.toml
+
+This page has the answers to files, profiles and arguments; `tests/data/refused-lines.md` has those to lines of G-code, which a board
+sends over its line in the same words. A test compares both with the command, word for word.
+";
+
+const LINES_HEAD: &str = "# Refused lines of G-code
+
+What `ferrostep print` answers to a line; a board sends the same words over its line. A refused line has no effect: the moves before it
+are finished, and the job ends there.
 ";
 
 /// Lines of G-code that are refused after `G28`, a line of the page each; `\\n` separates lines,
@@ -332,22 +344,33 @@ fn arguments(page: &mut String) {
 #[test]
 fn the_page_of_refusals_is_current() {
     let mut page = HEAD.to_owned();
-    lines(&mut page);
     profiles(&mut page);
     prepared(&mut page);
     files(&mut page);
     arguments(&mut page);
-    let path = repository().join(PAGE);
+    assert_current(PAGE, &page);
+}
+
+#[test]
+fn the_refused_lines_are_current() {
+    let mut page = LINES_HEAD.to_owned();
+    lines(&mut page);
+    assert_current(LINES_PAGE, &page);
+}
+
+/// Writes the page where that is asked for, and compares the kept one with it.
+fn assert_current(name: &str, page: &str) {
+    let path = repository().join(name);
     if std::env::var_os(REFRESH_VARIABLE).is_some() {
-        fs::write(&path, &page).unwrap();
+        fs::write(&path, page).unwrap();
     }
     let kept = fs::read_to_string(&path).unwrap_or_default();
     for (kept, now) in kept.lines().zip(page.lines()) {
-        assert_eq!(kept, now, "{PAGE} is not current: {REFRESH_VARIABLE}=1 writes it anew");
+        assert_eq!(kept, now, "{name} is not current: {REFRESH_VARIABLE}=1 writes it anew");
     }
     assert_eq!(
         kept.lines().count(),
         page.lines().count(),
-        "{PAGE} is not current: {REFRESH_VARIABLE}=1 writes it anew"
+        "{name} is not current: {REFRESH_VARIABLE}=1 writes it anew"
     );
 }

@@ -38,7 +38,7 @@ pub(super) fn parse<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command
         }
         // G53 before a move means machine coordinates, and the move must not vanish silently.
         53 if skip_blanks(code.rest.as_bytes(), 0) < code.rest.len() => {
-            Err(not_supported("G53 with a move", "the move would be missing; put the move on a line of its own"))
+            Err(not_supported("G53 with a move", "the move would be missing; put the move on its own line"))
         }
         73 | 76 | 81..=89 if code.peek(&mut Remarks::default())?.axes() != AxisWords::default() => {
             Err(not_supported("G73 to G89", "the moves of the cycle would be missing; write G0 and G1"))
