@@ -21,7 +21,7 @@ use crate::end_to_end::papers::REFRESH_VARIABLE;
 
 const COMMANDS: &str = include_str!("../../data/slicer-commands.tsv");
 const OUTCOMES: &str = "tests/data/slicer-outcomes.tsv";
-const PAGE: &str = "docs/src/slicer-profiles.md";
+const PAGE: &str = "tests/data/slicer-profiles.md";
 
 /// Machines whose profiles hold the same commands.
 struct Set {

@@ -1,4 +1,4 @@
-//! The book's page of survivors, with which the next run is compared.
+//! The page of survivors, with which the next run is compared.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -9,7 +9,7 @@ use crate::steps::Failure;
 use crate::system;
 
 /// The page.
-pub const PAGE: Page = Page { path: "docs/src/mutants.md", command: "cargo xtask mutants --refresh" };
+pub const PAGE: Page = Page { path: "tests/mutants.md", command: "cargo xtask mutants --refresh" };
 
 /// The page's contents.
 pub fn read() -> Result<Files, Failure> {
