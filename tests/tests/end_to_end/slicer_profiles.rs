@@ -1,7 +1,7 @@
 //! The commands of PrusaSlicer's and Cura's printer profiles: the outcome of each, in a file
 //! and from a host.
 //!
-//! `tests/data/slicer-commands.py` tells their sources. Their outcomes are in the book, and set by
+//! `tests/data/slicer-commands.py` tells their sources. Their outcomes are in `tests/data/slicer-profiles.md`, and set by
 //! set in `tests/data/slicer-outcomes.tsv`; both are compared here, and `FERROSTEP_REFRESH=1`
 //! writes them anew.
 
