@@ -1,9 +1,9 @@
 //! The commands of PrusaSlicer's and Cura's printer profiles: the outcome of each, in a file
 //! and from a host.
 //!
-//! `tests/data/slicer-commands.py` tells their sources. Their outcomes are in `tests/data/slicer-profiles.md`, and set by
-//! set in `tests/data/slicer-outcomes.tsv`; both are compared here, and `FERROSTEP_REFRESH=1`
-//! writes them anew.
+//! `tests/data/slicer-commands.py` tells their sources. Their outcomes are in
+//! `tests/data/slicer-profiles.md`, and set by set in `tests/data/slicer-outcomes.tsv`; both are
+//! compared here, and `FERROSTEP_REFRESH=1` writes them anew.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
