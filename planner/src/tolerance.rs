@@ -6,8 +6,8 @@
 //! places R, and with the corners at r_c, each turning the direction by a difference k_c of unit
 //! vectors, the filtered path is from the planned one by no more than
 //!
-//! > sum over the corners of k_c m_c, m_c = min(E(R - r_c)+, E(r_c - R)+) <= v_c G(t -
-//! t_c) + a K(t - t_c),
+//! > sum over the corners of k_c m_c,
+//! > m_c = min(E(R - r_c)+, E(r_c - R)+) <= v_c G(t - t_c) + a K(t - t_c),
 //!
 //! where G(u) is how far a filtered ramp is ahead of the ramp, convex on each side and largest
 //! at 0, where it is half of E|tau|, and K(u) its integral from |u| outwards, at 0 half of the
