@@ -27,7 +27,7 @@ use crate::profile::PROFILE;
 /// Time between two looks for room for a line, ms.
 const LOOK_MS: u32 = 2;
 
-/// Looks after which a host that reads nothing gets no more: 2 s.
+/// Checks after which a host that does not read gets no more lines: 2 s.
 const MAX_LOOKS: u32 = 1000;
 
 /// The records, shared by the tasks that make some. One at a time does.
@@ -94,7 +94,7 @@ fn text(of: &dyn fmt::Display) -> String<MAX_TEXT_BYTES> {
     text
 }
 
-/// Notes where the motors stand at the end of the queue.
+/// Records the motors' positions at the end of the queue.
 pub fn note_position(machine: &BoardMachine) {
     let steps = machine.motor_steps().map(|steps| steps as i32);
     STEPS.note_position(machine.slots_queued(), steps, Mono::now().ticks());

@@ -13,7 +13,7 @@ pub struct SharedDemand {
 }
 
 impl SharedDemand {
-    /// Demand of fans that all stand.
+    /// Demand of fans that are all off.
     pub const fn new() -> Self {
         Self { powers: [const { AtomicU8::new(0) }; FanOutput::COUNT], motors_on: AtomicBool::new(false) }
     }

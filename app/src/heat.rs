@@ -36,7 +36,7 @@ pub const CHAMBER_IS_HEATED: Option<bool> = match PROFILE.chamber {
 /// A further tool has its own nozzle.
 pub const HAS_NOZZLES: bool = PROFILE.tool_heater().is_some();
 
-/// Nozzles of further tools, or none, in an image.
+/// Nozzles of an image's further tools, where the machine has them.
 type NozzlesPart = PartIf<HAS_NOZZLES>;
 
 /// The machine has outputs that are no fans.
@@ -51,7 +51,7 @@ pub const HAS_OUTPUTS: bool = {
     has
 };
 
-/// A power supply that can be switched, or none, in an image.
+/// Switched power supply of an image, where the machine has one.
 pub type SupplyPart = PartIf<HAS_SUPPLY>;
 
 /// Heaters may be controlled by a model.
@@ -61,7 +61,7 @@ const HAS_MODELS: bool = MELTS_BY_MODEL || PROFILE.control_model(Heater::Bed).is
 const MELTS_BY_MODEL: bool =
     PROFILE.control_model(Heater::Nozzle).is_some() || PROFILE.control_model(Heater::Nozzle1).is_some();
 
-/// Models of heaters, or none, in an image.
+/// Heater models of an image, where its profile uses them.
 pub type ModelsPart = PartIf<HAS_MODELS>;
 
 /// Position of the extruder at the end of the queue, thousandths of a millimetre; the number wraps.

@@ -26,7 +26,7 @@ pub struct Hosts {
 }
 
 impl Hosts {
-    /// Hosts that have said nothing yet.
+    /// Hosts that are still silent.
     pub const fn new() -> Self {
         Self {
             serial: (Host::new(), Lines::new()),

@@ -144,7 +144,7 @@ mod app {
     static LIFE: LifeSigns = LifeSigns::new();
     /// There is a slot for a memory card, and a clock for it.
     static HAS_CARD: AtomicBool = AtomicBool::new(false);
-    /// The machine has been halted; the reports task tells the hosts.
+    /// The machine has been halted; the reports task informs the hosts.
     static HALTED: Signal<()> = Signal::new();
 
     #[shared]

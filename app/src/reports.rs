@@ -28,7 +28,7 @@ pub struct Reports<'a, M, H, W, R> {
     signals: &'a Signals,
     heater_timeout: HeaterTimeout,
     filament: FilamentWatch,
-    /// Fan that stands, as last reported.
+    /// Stopped fan, as last reported.
     stalled_fan: Option<FanOutput>,
     /// Counts, as last reported.
     overload: Overload,
@@ -72,7 +72,7 @@ where
         }
     }
 
-    /// The machine has been halted: switches the motors off and tells the hosts.
+    /// The machine has been halted: switches the motors off and informs the hosts.
     pub fn halted(&mut self) {
         // A command at work has switched them off already; without one it is done here. The lock
         // keeps M999 from ending the halt in between: after it the motors are needed.

@@ -10,7 +10,7 @@ use crate::wiring::POWER_LOSS;
 pub struct Supply(SupplyWatch);
 
 impl Supply {
-    /// The signal has said nothing yet.
+    /// The signal has not been read yet.
     pub const fn new() -> Self {
         Self(SupplyWatch::new())
     }

@@ -1,4 +1,4 @@
-//! The signal of a servo, which tells a probe with a pin (BLTouch) what to do.
+//! The signal of a servo, which commands a probe with a pin (BLTouch).
 
 /// Pulses for a servo: one every 20 ms, whose width is the command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,7 +3,7 @@
 use crate::plan::Plan;
 use crate::table::FrequencyTable;
 
-/// A line as it is read.
+/// A line of the input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
     /// Number of pulses.

@@ -34,7 +34,7 @@ pub struct Limits {
 /// Share of the extruder's speed and acceleration taken by its advance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ExtruderAdvance {
-    /// The largest K, s; 0: it has none.
+    /// The largest K, s; 0 without an advance.
     pub seconds: f32,
     /// Time over which it is averaged, s.
     pub smooth_time_s: f32,

@@ -89,7 +89,7 @@ impl Waiting {
     pub(crate) const NONE: Self =
         Self { entries: EventBuffer::NONE, done: 0, events_done: 0, notices: [None; NOTICES] };
 
-    /// Adds entries; nothing waits but what the same call of the planner has made.
+    /// Adds entries; only those of the same call of the planner wait.
     pub(crate) fn take(&mut self, entries: &[StepEntry]) {
         for entry in entries {
             self.entries.push(*entry);

@@ -32,7 +32,7 @@ pub trait Bed: Debug {
     /// The future that `begin` makes, in a build with a bed.
     fn only<F: Future>(begin: impl FnOnce() -> F) -> Self::Only<F>;
 
-    /// No mesh; Z follows nothing.
+    /// No mesh: Z stays at the plan's height.
     fn new(geometry: &Geometry) -> Self;
 
     /// The measured mesh.

@@ -119,7 +119,7 @@ pub(crate) struct Corner {
 }
 
 impl PathTolerance {
-    /// Tolerance for these filters; `None` if they leave the path as it is.
+    /// Tolerance for these filters; `None` if they do not change the path.
     #[cold]
     pub fn new(tolerance_mm: f64, shaping: &Shaping) -> Option<Self> {
         const PER_SECOND: f32 = 1.0 / TICKS_PER_SECOND as f32;

@@ -69,7 +69,7 @@ fn path() -> impl Strategy<Value = Vec<Move>> {
     })
 }
 
-/// A move as it is prepared.
+/// A prepared move.
 fn prepared_move(request: &Move, entry: EntrySpeed) -> PreparedMove {
     let Move { target_10nm, filament_100pm, feed_mm_per_s, line, ends_move } = *request;
     let target = target_10nm.map(|units| Coordinate::new(units.try_into().unwrap()).unwrap());

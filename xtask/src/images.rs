@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::system;
 
-/// Environment variable that tells the tests where all boards' images are.
+/// Environment variable with the folder of all boards' images, for the tests.
 pub const IMAGES_VARIABLE: &str = "FERROSTEP_IMAGES";
 
 /// The folder of all boards' images.

@@ -24,10 +24,10 @@ pub mod tools;
 pub mod turns;
 pub mod workbench;
 
-/// Environment variable that tells the tests where the firmware image is.
+/// Environment variable with the path of the firmware image, for the tests.
 pub const FIRMWARE_VARIABLE: &str = "FERROSTEP_FIRMWARE";
 
-/// Environment variable that tells the tests where the hosts are.
+/// Environment variable with the folder of the hosts, for the tests.
 pub const HOSTS_VARIABLE: &str = "FERROSTEP_HOSTS";
 
 /// All packages but those that only the board's processor can build, and the log's, which uses

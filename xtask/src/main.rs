@@ -17,7 +17,7 @@ struct Arguments {
     task: Task,
 }
 
-/// The tasks that need none of Ferrostep's crates.
+/// The tasks that need no crate of Ferrostep.
 #[derive(Clone, Subcommand)]
 enum Task {
     /// Check a change: install what is missing, then format, lints, images, counts and all tests,

@@ -2,7 +2,7 @@
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Environment variable that tells the tests their seed.
+/// Environment variable with the tests' seed.
 pub const VARIABLE: &str = "PROPTEST_RNG_SEED";
 
 /// Gives every program that cargo runs a seed, unless it has one: so this program has one as well.

@@ -11,7 +11,7 @@ use std::str::FromStr;
 use crate::steps::Failure;
 use crate::system;
 
-/// Environment variable that tells the tests the share.
+/// Environment variable with the tests' share.
 pub const VARIABLE: &str = "FERROSTEP_SHARE";
 
 /// Shares of a sweep.

@@ -64,7 +64,7 @@ impl Turns {
         self.always.iter().any(|listed| is_of(name, listed))
     }
 
-    /// The names and modules in the file that none of these tests has.
+    /// The names and modules of the file that match no test.
     pub fn unknown(&self, names: &BTreeSet<String>) -> Vec<&str> {
         let listed = self.always.iter().chain(self.together.iter().flatten());
         listed.filter(|listed| !names.iter().any(|name| is_of(name, listed))).map(String::as_str).collect()

@@ -17,7 +17,7 @@ use crate::ports::BoardReplies;
 /// The card's task.
 pub type BoardCard = ferrostep_card::CardServer<ferrostep_stm32f4_board::card::Slot>;
 
-/// Starts the slot; `None` if the board has none, or no clock for it.
+/// Starts the slot; `None` if the board lacks a slot or the clock for it.
 pub fn start(sdio: SDIO, clock: &Clock, motion_clock: MotionClock) -> Option<BoardCard> {
     ferrostep_stm32f4_board::card::start(sdio, clock, motion_clock).map(BoardCard::new)
 }

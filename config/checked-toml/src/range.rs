@@ -13,7 +13,7 @@ pub struct Range {
     pub unit: &'static str,
     /// Ends that no other key narrows.
     declared: [f64; 2],
-    /// Name of the limit that narrowed them; empty if none did.
+    /// Name of the limit that narrowed them; empty without one.
     narrowed_by: &'static str,
 }
 

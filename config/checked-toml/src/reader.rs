@@ -78,7 +78,7 @@ impl<'a> Reader<'a> {
         Self { origin: "", text: "", root: None, state: RefCell::default() }
     }
 
-    /// The value that was read, if nothing is wrong with the text.
+    /// The value that was read, if the text is free of faults.
     ///
     /// # Errors
     /// The most basic fault, and of several the one found first.

@@ -1,4 +1,4 @@
-//! Filament: firmware retraction, and filament for moves whose lines name none.
+//! Filament: firmware retraction, and filament for moves without an E word.
 
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_printer::{ExtrusionSettings, FirmwareRetraction};
@@ -22,7 +22,7 @@ pub(crate) fn retraction(keys: &Section<'_>) -> FirmwareRetraction {
     }
 }
 
-/// Filament for moves whose lines name none.
+/// Filament for moves without an E word.
 pub(crate) fn extrusion(keys: &Section<'_>) -> ExtrusionSettings {
     let table = keys.section_of_defaults(
         "extrusion",

@@ -26,7 +26,7 @@ impl StepLink {
         Self { run: WordU8::new(0), ran_dry: WordU8::new(0), stop: WordU8::new(0), requested: WordU8::new(0) }
     }
 
-    /// The player takes slots, until it finds none.
+    /// The player takes slots until the ring is empty.
     pub fn start(&self) {
         self.run.store(1);
     }

@@ -360,7 +360,7 @@ impl Driver {
         self.failed(Failure::Line(error))
     }
 
-    /// The present set-up has failed: once more, or for good.
+    /// Handles a failed set-up: tries again, or gives up.
     fn failed(&mut self, failure: Failure) -> Option<DriverEventKind> {
         self.attempts += 1;
         if self.attempts < ATTEMPTS {

@@ -12,7 +12,7 @@ pub enum CardFault {
     PulledAfter(u32),
     /// These blocks cannot be read.
     Unreadable(Range<u32>),
-    /// These blocks come with a bit changed, and nothing notices.
+    /// These blocks are read with a changed bit, unnoticed.
     Corrupted(Range<u32>),
     /// This many reads fail, as on a bad contact.
     FailingReads(u32),

@@ -13,6 +13,6 @@ pub enum HeaterFailure {
     ThermistorShorted,
     /// The thermistor has slipped out of its hole, and soon reads the air.
     ThermistorFellOut,
-    /// The reading no longer changes: a converter, or its transfer to memory, stands still.
+    /// The reading no longer changes: a converter, or its transfer to memory, has stopped.
     ThermistorFrozen,
 }

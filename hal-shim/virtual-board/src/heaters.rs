@@ -181,7 +181,7 @@ impl VirtualHeaters {
         self.heater(heater).map_or(0.0, |heater| heater.power)
     }
 
-    /// Lets a fan stand still whatever its power, or mends it.
+    /// Stops a fan whatever its power, or repairs it.
     pub fn set_fan_stuck(&mut self, fan: FanOutput, is_stuck: bool) {
         self.stuck_fans[fan.index()] = is_stuck;
     }

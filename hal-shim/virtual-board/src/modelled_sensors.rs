@@ -16,7 +16,7 @@ pub struct ModelledSensors<Q> {
 }
 
 impl<Q> ModelledSensors<Q> {
-    /// Sensors of `motors` beside a queue that nothing was added to.
+    /// Sensors of `motors` beside an empty queue.
     pub fn new(queue: Q, motors: VirtualMotors) -> Self {
         Self { queue, motors, watched: None }
     }

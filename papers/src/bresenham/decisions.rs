@@ -10,7 +10,7 @@ pub trait Decisions: Copy + Default {
     fn count(&self) -> u64;
 }
 
-/// Keeps no count, and costs nothing.
+/// Keeps no count, at no cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Uncounted;
 

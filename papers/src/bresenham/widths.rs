@@ -173,7 +173,7 @@ impl Widths for FromDivision {
         width
     }
 
-    /// Always 0: it divides and compares nothing.
+    /// Always 0: this rule neither divides nor compares.
     fn decisions(&self) -> u64 {
         0
     }

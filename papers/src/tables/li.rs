@@ -150,7 +150,7 @@ fn queue(table: &FrequencyTable) -> Table {
     }
 }
 
-/// A way as it is planned.
+/// A planned path.
 struct Planned {
     duration_s: f64,
     /// Path, mm, and speed, mm/s, at the ends of blocks.

@@ -1,4 +1,4 @@
-//! Packets, as they are written.
+//! Writes packets.
 
 use std::vec::Vec;
 

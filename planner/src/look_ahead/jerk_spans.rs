@@ -306,7 +306,7 @@ impl Settling {
         found.or(last).unwrap_or(End::NONE)
     }
 
-    /// The speeds of one run to an end; or a nearer end that is better, or none if it
+    /// The speeds of one run to an end, or a better, nearer end; `None` if it
     /// cannot be reached.
     fn law_to<S: RingMemory>(&self, ring: &Ring<S>, end: &End) -> Result<Speeds, Option<End>> {
         let Some((exit, most)) = self.exit(end) else { return Err(None) };

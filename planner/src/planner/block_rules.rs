@@ -139,10 +139,10 @@ pub(crate) struct BlockRules<M: MotionMethods> {
     /// Every motor steps in its own time.
     is_shaped: bool,
     advance: ExtruderAdvance,
-    /// Tolerance of the filtered path; `None` if none is asked for or without filters.
+    /// Tolerance of the filtered path; `None` without a tolerance or without filters.
     pub tolerance: Option<PathTolerance>,
     pub budget: Budget,
-    /// Limits on Z for following the bed; `None`: Z follows nothing.
+    /// Limits on Z for following the bed; `None` while Z follows no bed.
     surface: Option<SurfaceBounds>,
 }
 
@@ -219,7 +219,7 @@ impl<M: MotionMethods> BlockRules<M> {
         smaller(EXTRUDER_JUMP_MM_PER_S, extruder as f32)
     }
 
-    /// Target of a move; `None` if it displaces nothing.
+    /// Target of a move; `None` for a move of no length.
     #[inline(always)]
     pub fn target(&self, travel: &Travel, from: &Position) -> Result<Option<Target>, MoveError> {
         // NaN is in no range. `is_finite` takes the number's bits apart.

@@ -149,7 +149,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         Ok(())
     }
 
-    /// Limits the moves to come to what Z needs to follow a surface; `None`: it follows none.
+    /// Limits later moves to what Z needs to follow a surface; `None` while it follows none.
     pub fn set_surface(&mut self, surface: Option<SurfaceBounds>) {
         self.rules.set_surface(surface);
     }

@@ -100,7 +100,7 @@ enum Part {
 }
 
 impl Held {
-    /// Holds nothing yet, at this place.
+    /// An empty hold at this place.
     fn nothing(from: Position, is_s_curve: bool) -> Self {
         Self {
             begin_10nm: from.coordinates_10nm,

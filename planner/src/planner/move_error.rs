@@ -24,7 +24,7 @@ pub enum MoveError {
 /// The outcome of a request that was taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Moved {
-    /// The move displaces nothing and was dropped.
+    /// The move has no length and was dropped.
     Nothing,
     /// The move will be executed.
     Queued,

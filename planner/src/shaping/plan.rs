@@ -98,7 +98,7 @@ impl Plan {
         duration
     }
 
-    /// Goes on for `ticks` in which nothing moves.
+    /// Adds `ticks` of rest.
     pub fn rest(&mut self, ticks: u32) {
         self.add_rest(self.end);
         self.end += u64::from(ticks);
@@ -109,7 +109,7 @@ impl Plan {
         PlanPiece::resting(start, self.steps, self.extruder_256ths, self.advance_sum)
     }
 
-    /// Adds a piece in which nothing moves.
+    /// Adds a piece of rest.
     fn add_rest(&mut self, start: u64) {
         self.ring.push(self.resting(start));
     }

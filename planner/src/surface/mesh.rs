@@ -197,7 +197,7 @@ impl Mesh {
         usize::from(row) * usize::from(columns) + usize::from(column)
     }
 
-    /// Height at a measured point, um; `None` if it has none, or the point does not exist.
+    /// Height at a measured point, um; `None` for a point without a height, or outside the mesh.
     pub fn height_um(&self, point: [u8; 2]) -> Option<i16> {
         let height = self.heights_um.get(self.index(point)?).copied()?;
         (height != UNKNOWN).then_some(height)

@@ -45,7 +45,7 @@ pub struct BedStage {
     motors: [i32; 3],
     /// Steps by which Z is above its planned position.
     correction: i32,
-    /// Events to come of which none needs a correction.
+    /// Number of coming events without a correction.
     sure: u32,
     /// The direction signals by the plan, and as they are.
     planned: u8,
@@ -342,7 +342,7 @@ impl BedStage {
         out.push(StepEntry::directions(directions));
     }
 
-    /// Sets Z's direction signal as it is in `directions`, if it is another.
+    /// Sets Z's direction signal to that in `directions`, if they differ.
     fn turn_z(&mut self, directions: u8, out: &mut PassedEntries) {
         let turned = self.actual & !Z | directions & Z;
         if turned != self.actual {

@@ -47,7 +47,7 @@ impl Sink {
         }
     }
 
-    /// Plays what waits; `false` if nothing does.
+    /// Plays what waits; `false` if the queue is empty.
     fn work(&mut self) -> bool {
         let Some(stage) = self.stage.as_mut().filter(|stage| stage.is_waiting()) else { return false };
         let mut out = PassedEntries::NONE;

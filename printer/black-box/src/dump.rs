@@ -113,7 +113,7 @@ pub struct Dump<'a, S> {
 }
 
 impl<'a, S: StepPast> Dump<'a, S> {
-    /// Dump of these memories, as they are now.
+    /// Dump of the present contents of these memories.
     #[inline(never)]
     pub fn new(steps: S, memory: &'a RecordMemory, facts: Facts<'a>) -> Self {
         let mut past = steps.past();

@@ -19,7 +19,7 @@ pub const KEPT_NAME: &str = "FERROSTP.PLR";
 /// Most bytes of a place.
 pub const KEPT_BYTES: usize = 371;
 
-/// The place of a print, as the printer writes it; empty: none.
+/// The place of a print, as the printer writes it; empty without a place.
 pub type Kept = heapless::Vec<u8, KEPT_BYTES>;
 
 const MAGIC: [u8; 4] = *b"FSPL";
@@ -72,7 +72,7 @@ pub struct Stored {
     pub place: Kept,
 }
 
-/// A block that keeps a place. Without a file it keeps none.
+/// A block that keeps a place; empty without a file.
 pub fn compose(sequence: u32, file: Option<(&ShortPath, u32, u32)>, place: &[u8]) -> Block {
     let mut block = Block::new();
     let mut put = |at: usize, bytes: &[u8]| {

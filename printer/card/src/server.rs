@@ -50,7 +50,7 @@ impl<S: CardSlot> CardServer<S> {
         self.manager.device(|guard| act(guard.slot()))
     }
 
-    /// Does one task that the mailbox waits for; `false` if it waits for none.
+    /// Does one task of the mailbox; `false` if the mailbox is empty.
     pub fn serve(&mut self, mailbox: &mut impl SharedMailbox) -> bool {
         if let Some(request) = mailbox.with(Mailbox::take_request) {
             // Failures of reading ahead have already been reported.
@@ -206,7 +206,7 @@ impl<S: CardSlot> CardServer<S> {
         true
     }
 
-    /// Writes a block; with `all` also one that is not full. Returns `false` if there was none.
+    /// Writes a block; with `all` also a partial one. Returns `false` without a block to write.
     fn write_behind(&mut self, mailbox: &mut impl SharedMailbox, all: bool) -> Result<bool, CardFailure> {
         let Open::Writing(file) = self.open else { return Ok(false) };
         let mut block = [0; Block::LEN];
@@ -264,7 +264,7 @@ impl<S: CardSlot> CardServer<S> {
         });
     }
 
-    /// Gives up a file that could not be written, and leaves it as it is.
+    /// Gives up a file that could not be written, and leaves it unchanged.
     fn give_up(&mut self) {
         if let Open::Writing(file) = self.open {
             self.open = Open::Nothing;

@@ -6,7 +6,7 @@ use crate::failure::CardFailure;
 use crate::guard::{Guard, SLOT_BYTES};
 use crate::volume::Mounted;
 
-/// First cluster in a folder's entry as it is on the card.
+/// First cluster in a folder's entry on the card.
 ///
 /// # Errors
 /// The card cannot be read.

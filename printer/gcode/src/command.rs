@@ -14,7 +14,7 @@ use crate::{BedCommand, CardCommand, Decimal, PinCommand, SkewCommand, SupplyCom
 pub enum Command<'a> {
     /// G0, G1.
     Linear {
-        /// G0: nothing is laid on the way.
+        /// G0: a move without extrusion.
         rapid: bool,
         /// Target.
         axes: AxisWords,
@@ -171,7 +171,7 @@ pub enum Command<'a> {
         tool: Option<u8>,
         /// Place where the nozzle waits.
         park: AxisWords,
-        /// U: how much filament is drawn out; its sign says nothing.
+        /// U: length of filament to draw out; its sign is ignored.
         unload: Option<Decimal>,
         /// L: how much is pushed in before the print continues; its sign is ignored.
         load: Option<Decimal>,
@@ -299,7 +299,7 @@ pub enum Command<'a> {
     ShiftZ {
         /// Shift, with its sign.
         words: AxisWords,
-        /// P0: the probe's offset stays as it is.
+        /// P0: the probe's offset is unchanged.
         keeps_offset: bool,
     },
     /// SET_GCODE_OFFSET Z: how far the nozzle is above what the G-code says, mm in any
@@ -332,7 +332,7 @@ pub enum Command<'a> {
     QuickStop,
     /// M569 S: stealthChop (1) or spreadCycle (0) for the motors named; without S a query.
     StealthChop {
-        /// Motors; in a query, none means all.
+        /// Motors; an empty set in a query means all.
         motors: AxisFlags,
         /// T: whose motor E is; without it the selected tool's.
         tool: Option<u8>,

@@ -231,7 +231,7 @@ fn text_before(bytes: &[u8]) -> (&str, Option<u8>) {
     (text, bytes.get(end).copied())
 }
 
-/// True if a command is M117 or M118, whose text is for people: a part of it is better than none.
+/// True if a command is M117 or M118, whose text may be cut.
 fn is_message(command: &[u8]) -> bool {
     let Some((b'M' | b'm', rest)) = command.split_first() else { return false };
     let digits = rest.get(skip_blanks(rest, 0)..).unwrap_or_default();

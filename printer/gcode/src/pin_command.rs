@@ -7,7 +7,7 @@ pub enum PinCommand {
     Out,
     /// M402: in, and seen to be.
     In,
-    /// The others: pulses of this width, and nothing is checked.
+    /// Any other width of pulses, without a check.
     Pulses {
         /// Microseconds.
         width_us: u16,

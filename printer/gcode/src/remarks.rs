@@ -17,7 +17,7 @@ pub enum Remark {
     Fraction(u8),
     /// A number above its range became the maximum.
     TooLarge(u8),
-    /// A word that means nothing to this command, or to this machine.
+    /// A word without a meaning to this command or machine.
     NoEffect(u8),
     /// A word without a number counts as zero (G92).
     Zero(u8),
@@ -38,7 +38,7 @@ pub enum Remark {
     HostCommand,
     /// A line that begins with `//`.
     SlashComment,
-    /// A command that does nothing without its S.
+    /// A command without effect, since its S is missing.
     WithoutS,
     /// M115 U: a check of the firmware's version.
     FirmwareVersion,
@@ -63,7 +63,7 @@ pub enum Remark {
     OtherAdvance,
     /// A word, `KEY=VALUE`, that the command does not have; `true`: not the only one in the line.
     UnknownWord(ShortText, bool),
-    /// M425 on a machine whose profile says of no play.
+    /// M425 on a machine whose profile has no table `backlash`.
     NoBacklash,
     /// M42 on a machine without outputs.
     NoOutputs,
@@ -73,7 +73,7 @@ pub enum Remark {
     NoSupply,
     /// M141 and M191 on a machine that does not know its chamber's temperature.
     NoChamber,
-    /// G29 with words that measure nothing here.
+    /// G29 with words that do not measure here.
     NothingMeasured,
     /// A target below 0, with which other firmwares switch a heater off.
     BelowZeroIsOff,

@@ -274,7 +274,7 @@ pub enum Reply<'a> {
         /// Upper ends.
         max_10nm: [i64; 3],
     },
-    /// Any text, sent as it is (M118, notices such as `echo:...`).
+    /// Any text, sent unchanged (M118, notices such as `echo:...`).
     Text(&'a str),
     /// `Error:checksum mismatch, Last Line: <n>`, `Resend: <n+1>`, `ok`: three lines;
     /// likewise the other two.

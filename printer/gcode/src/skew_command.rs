@@ -42,7 +42,7 @@ impl SkewCommand {
         }
     }
 
-    /// True if it changes nothing.
+    /// True if the command has no effect.
     pub const fn is_query(&self) -> bool {
         matches!(self, Self::Factors([None, None, None]) | Self::Calculate(_) | Self::Report)
     }

@@ -45,7 +45,7 @@ pub enum Fault {
     NoFrame,
     /// A frame or header has an impossible length.
     Length {
-        /// The length it says, bytes.
+        /// The stated length, bytes.
         length: u32,
     },
     /// The checksum is wrong: bits have changed.

@@ -33,7 +33,7 @@ const CHUNK_BYTES: usize = 64;
 
 const CHECKSUM: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
-/// Message of a memory that tells no cause.
+/// Message of a memory that gives no cause.
 pub const NOT_WORKING: &str = "the memory for settings does not work";
 
 /// Reason why settings are not stored, or not read.

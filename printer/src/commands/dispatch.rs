@@ -16,7 +16,7 @@ use crate::part::Part;
 use crate::ports::{Heating, Motion, Ports, Replies, temperatures};
 use crate::printer::{Answer, Printer};
 
-/// A command that may wait, so that none can be named without being executed.
+/// A command that may wait; the type makes sure that it is executed.
 enum Waiting<'a> {
     Linear {
         rapid: bool,

@@ -162,7 +162,7 @@ fn queried(tool: Option<u8>) -> Values {
     if tool.is_some() { [None, None, None, Some(None)] } else { ALL_MOTORS }
 }
 
-/// Changes all drivers that the command names, or none of them. E is the motor `extruder`.
+/// Changes all drivers that the command names, or leaves all unchanged. E is `extruder`.
 fn change(
     drivers: &dyn MotorDrivers,
     setting: Shown,

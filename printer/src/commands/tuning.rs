@@ -13,7 +13,7 @@ use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::settings::bounds::{FULL_POWER, in_range};
 
-/// Targets and cycles where M303 has none: Marlin's.
+/// Default targets and cycles of M303: Marlin's.
 const NOZZLE_CELSIUS: f64 = 150.0;
 const BED_CELSIUS: f64 = 70.0;
 
@@ -32,7 +32,7 @@ const NOZZLE_MARGIN_CELSIUS: f32 = 15.0;
 /// power times the thermistor's lag.
 const STEP_MARGIN_CELSIUS: f32 = 40.0;
 
-/// Target of a step response for a nozzle if the command names none: Marlin's.
+/// Default target of a nozzle's step response: Marlin's.
 const STEP_CELSIUS: f64 = 200.0;
 const BED_MARGIN_CELSIUS: f32 = 10.0;
 

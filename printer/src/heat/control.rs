@@ -41,7 +41,7 @@ pub struct HeatControl<M: Part = Present, T: Part = Present> {
     fault: Option<HeatFault>,
     pub(crate) fan_table: FanTable,
     fans: FanControl,
-    /// Powers that fans have while nothing has failed.
+    /// Powers of the fans without a fault.
     fan_demand: FanDemand,
     /// True while the power supply is on; `None` if it cannot be switched.
     pub(crate) supply: Option<bool>,

@@ -30,7 +30,7 @@ pub(crate) struct Call<'a> {
     words: &'a str,
 }
 
-/// The value of a key in words such as `BED=60 NOZZLE=200`; `Some(None)`: it has none.
+/// The value of a key in words such as `BED=60 NOZZLE=200`; `Some(None)`: a key alone.
 fn value<'w>(words: &'w str, key: &str) -> Option<Option<&'w str>> {
     words.split_ascii_whitespace().find_map(|word| {
         let (known, value) = word.split_once('=').map_or((word, None), |(known, value)| (known, Some(value)));

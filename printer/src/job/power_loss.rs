@@ -25,7 +25,7 @@ pub(crate) struct PowerLoss {
     /// Height of the motors of Z in the newest place, units of 10 nm; `None`: no place fits the
     /// machine's present position.
     pub(crate) stands_10nm: Option<i64>,
-    /// Time when the newest place that is due was noted, ms; `None`: none in this print.
+    /// Time when the newest due place was noted, ms; `None` without one in this print.
     pub(crate) noted_ms: Option<u64>,
     /// Z of the line that began there, units of 10 nm.
     pub(crate) layer_10nm: i64,

@@ -1,4 +1,4 @@
-//! The identity: what M115 says of the board and its firmware.
+//! The identity of the board and its firmware, which M115 reports.
 
 /// Data of the board and its firmware for M115, beside those of the profile.
 #[derive(Clone, Copy, Debug)]

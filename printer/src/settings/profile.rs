@@ -159,7 +159,7 @@ pub struct Profile {
     pub filament_sensor: Option<FilamentSensor>,
     /// The switch beside a filament sensor that sees filament move, if there is one.
     pub filament_switch: Option<FilamentSensor>,
-    /// The signal that says that the supply fails, if there is one.
+    /// The signal of a failing supply, if the machine has one.
     pub supply_signal: Option<SupplySignal>,
     /// The power supply, if it can be switched.
     pub power_supply: Option<PowerSupply>,

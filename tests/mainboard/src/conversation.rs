@@ -186,7 +186,7 @@ impl Conversation {
         self.now_ns
     }
 
-    /// Acts on the machine and the chip's memory while the run stands still. The chip sees changes
+    /// Acts on the machine and the chip's memory while the run is paused. The chip sees changes
     /// to [`Machine::plant`] after [`crate::plant::Plant::refresh_inputs`].
     ///
     /// # Errors

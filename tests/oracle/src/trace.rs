@@ -111,7 +111,7 @@ impl fmt::Display for TraceError {
 
 impl std::error::Error for TraceError {}
 
-/// The header as it is written. Lists may also be tables by axis name.
+/// The header of the file. Lists may also be tables by axis name.
 #[derive(Deserialize)]
 struct HeaderText {
     #[serde(default)]

@@ -281,7 +281,7 @@ impl HostLines for Hosts<'_, '_> {
     }
 }
 
-/// Hosts that send nothing.
+/// Silent hosts.
 pub fn nothing(_: &Card, _: Option<(u32, u32)>) -> Vec<String> {
     Vec::new()
 }

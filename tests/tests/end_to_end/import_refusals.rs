@@ -73,7 +73,7 @@ const PIECES: [&str; 30] = [
 ];
 
 proptest! {
-    /// Any text is a profile that passes its checks, or an error that can be told.
+    /// Any text is a profile that passes its checks, or an error with a message.
     #[test]
     fn any_text_is_imported_or_refused(pieces in prop::collection::vec(prop::sample::select(&PIECES[..]), 0..40)) {
         let text = pieces.concat();

@@ -28,7 +28,7 @@ fn commands() -> BTreeSet<String> {
     found
 }
 
-/// A step queue that has played nothing.
+/// A step queue that has not played yet.
 struct NoSteps;
 
 impl StepPast for NoSteps {

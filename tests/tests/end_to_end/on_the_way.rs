@@ -26,7 +26,7 @@ const FILES: [(&str, &str); 10] = [
     ("vase.gcode.gz", "cartesian"),
 ];
 
-/// A profile as it is, and with filament on the way.
+/// A profile unchanged, and with filament on the way.
 fn profiles(directory: &TempDir, name: &str, text: &str) -> [PathBuf; 2] {
     let stops = file(directory, &format!("{name}.toml"), text);
     let on_the_way = file(directory, &format!("{name}-on-the-way.toml"), format!("filament_on_the_way = true\n{text}"));

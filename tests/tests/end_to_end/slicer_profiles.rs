@@ -45,7 +45,7 @@ enum Fate {
     Done,
     /// A remark names the words that are ignored or have no effect.
     Remarked(String),
-    /// The line is unknown; a remark tells its meaning, if that is known.
+    /// The line is unknown; a remark gives its meaning, if that is known.
     Unknown(String),
     /// The line is refused, which ends the job of a file.
     Refused(String),

@@ -26,7 +26,7 @@ pub struct Options {
     look_ahead: Option<std::num::NonZeroUsize>,
 }
 
-/// Prints the report; returns true if nothing was found.
+/// Prints the report; returns true if it is free of findings.
 ///
 /// # Errors
 /// A file cannot be read.

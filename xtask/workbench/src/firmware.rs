@@ -186,7 +186,7 @@ fn methods(board: &Board, profile: &str, motion: &MotionChoice) -> Result<Vec<&'
     ))
 }
 
-/// A name as it is, or a path from the root of the file system.
+/// A name unchanged, or the absolute path of a file.
 fn absolute(name_or_path: &str, is_name: impl Fn(&str) -> bool) -> Result<String, Failure> {
     if is_name(name_or_path) {
         return Ok(name_or_path.to_owned());

@@ -88,7 +88,7 @@ impl<'a> NamedWords<'a> {
         value
     }
 
-    /// The keys, empty where a word has none.
+    /// The keys; empty for a word without a key.
     fn keys(&self) -> impl Iterator<Item = &'a [u8]> {
         let words = Divided(self.text);
         words.map(|word| word.iter().position(|byte| *byte == b'=').and_then(|end| word.get(..end)).unwrap_or_default())
@@ -240,7 +240,7 @@ const ALIGN_WORDS: &str = "RETRIES with a number up to 29, RETRY_TOLERANCE with 
 /// Most retries: one less than the rounds of Marlin's G34.
 const MOST_RETRIES: u32 = 29;
 
-/// Reads a line that begins with a name, or with nothing known.
+/// Reads a line that begins with a name, known or not.
 #[cold]
 pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let line = code.text.trim_matches([' ', '\t']).as_bytes();

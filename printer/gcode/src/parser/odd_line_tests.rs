@@ -86,7 +86,7 @@ fn stray_lines() {
     assert_eq!(refused("M84 1.2.3"), "unexpected character '1', expected a letter and its number");
 }
 
-/// Lines that end no print: a remark says what of them is ignored.
+/// Lines that do not stop a print: a remark names what is ignored.
 #[test]
 fn odd_lines_are_read_as_in_marlin() {
     let line = |axes, feed| Command::Linear { rapid: false, axes, feed };

@@ -17,7 +17,7 @@ pub enum Event {
     Nothing,
     /// This many bytes are new at the start of the room.
     Bytes(usize),
-    /// The host should be answered; nothing is new.
+    /// The host should be answered; no byte is new.
     Answer,
     /// The host gives up.
     Aborted,

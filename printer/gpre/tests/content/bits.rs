@@ -1,4 +1,4 @@
-//! A writer of bits that refuses nothing.
+//! A writer of bits without checks.
 
 /// Bits, the most significant first.
 #[derive(Clone, Debug, Default)]

@@ -17,7 +17,7 @@ const CARD_MS: u32 = 500;
 enum Outcome {
     /// The place is on the card.
     Kept,
-    /// The card has one from before, or none.
+    /// The card may have an older one.
     Before,
     /// The card has failed.
     Failed,

@@ -64,7 +64,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Executes M1000 with the print that the card has, or reports why it has none.
+    /// Executes M1000 with the card's print, or reports why the card has no print.
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
     fn settle(&mut self, command: InterruptedPrint, opened: Result<(), CardFailure>) {

@@ -198,7 +198,7 @@ mod tests {
             prop_assert_eq!(heights(&read), heights(&mesh));
         }
 
-        /// Reading gives a whole mesh or none, whatever is stored under its name.
+        /// A mesh is read whole or not at all, whatever is stored under its name.
         #[test]
         fn what_is_damaged_is_no_mesh(
             head in any::<[[i32; 2]; 2]>(),

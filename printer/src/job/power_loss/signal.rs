@@ -1,4 +1,4 @@
-//! A signal that says that the supply fails, while a module still feeds the board.
+//! The signal of a failing supply, while a module still feeds the board.
 
 use crate::job::debounce::Debounce;
 use crate::settings::profile::supply::SupplySignal;

@@ -140,7 +140,7 @@ struct Queue<'a> {
     port: &'a VirtualPort<'a>,
     next: &'a RefCell<NextWords<1>>,
     enabled: u8,
-    /// Updates that the interrupt is said to have missed.
+    /// Updates that the interrupt reports as missed.
     missed: u32,
     digests: StepDigests,
 }

@@ -68,7 +68,7 @@ pub enum FilamentSensorKind {
     },
     /// The signal shows that filament moves: it changes its level every few millimetres.
     Encoder {
-        /// Filament pushed without a change before it counts as standing still, units of 10 nm.
+        /// Filament pushed without a change before it counts as stuck, units of 10 nm.
         detection_10nm: u32,
     },
 }

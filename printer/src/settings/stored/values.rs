@@ -60,7 +60,7 @@ pub(crate) struct Values<M: Parts> {
     pub home_offset_10nm: [i64; 3],
     /// M852.
     pub skew_factors: [f64; 3],
-    /// M425, of a machine whose profile says of play.
+    /// M425, of a machine whose profile has a table `backlash`.
     pub backlash: <M::Backlash as Part>::Of<Option<Backlash>>,
     /// Offset of the probe, of a machine with one.
     pub probe_offset_10nm: Option<[i64; 3]>,

@@ -33,7 +33,7 @@ pub enum SupplyFault {
     Sags,
     /// The supply fails for milliseconds.
     Dips,
-    /// The supply is cut for good.
+    /// The supply is cut and stays off.
     Cut,
     /// The supply is cut and returns after a while.
     Returns,
@@ -89,7 +89,7 @@ pub enum Fault {
     MotorSupply(SupplyFault),
     /// The chip's 3.3 V.
     ChipSupply(SupplyFault),
-    /// The host falls silent for good.
+    /// The host falls silent and stays so.
     HostVanishes,
     /// Some bits to the chip arrive wrong for a while.
     HostLineGarbles,

@@ -54,7 +54,7 @@ pub enum Kind {
     High,
 }
 
-/// A card as it is sold.
+/// A new card.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Config {
     /// Kind of the card, which decides its addresses.
@@ -83,7 +83,7 @@ impl Config {
 /// Faults of the card.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Faults {
-    /// It answers nothing.
+    /// It does not answer.
     pub is_silent: bool,
     /// This many of the next blocks arrive with a wrong CRC.
     pub garbled_reads: u32,

@@ -182,7 +182,7 @@ fn eager(machine: &mut Machine) {
     machine.usb_host.timing.nak_retry_ns = 50_000;
 }
 
-/// At the fastest rate nothing is lost over USB.
+/// At the fastest rate no sample is lost over USB.
 #[test]
 fn the_fastest_rate_loses_nothing_over_usb() {
     let mut scene = Scene::new(Via::Usb, eager);

@@ -127,7 +127,7 @@ impl Bench {
         Self { host: Host::new(Line(conversation), LIMIT_NS), facts }
     }
 
-    /// Inspects or changes the machine while it stands still.
+    /// Inspects or changes the machine while it is paused.
     pub fn with<T: Send + 'static>(
         &mut self,
         action: impl FnOnce(&mut Machine, &mut dyn Core) -> T + Send + 'static,

@@ -41,7 +41,7 @@ fn celsius(bench: &mut Bench) -> f64 {
     })
 }
 
-/// The number behind a letter of a line.
+/// The number after a letter of a line.
 fn number(line: &str, letter: char) -> f64 {
     let word =
         line.split(' ').find_map(|word| word.strip_prefix(letter)).unwrap_or_else(|| panic!("{letter} in {line}"));

@@ -159,7 +159,7 @@ pub struct TraceReport {
 }
 
 impl TraceReport {
-    /// Returns true if nothing was found.
+    /// Returns true if the report is free of findings.
     pub fn passed(&self) -> bool {
         self.finding_count == 0
     }

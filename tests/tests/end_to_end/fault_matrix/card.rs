@@ -57,7 +57,7 @@ struct Person<'a> {
     host: Host,
     reader: LineReader,
     pulls_at_s: f64,
-    /// Time at which the print was paused, or was last told to continue, s.
+    /// Time of the print's last pause or resume, s.
     paused_s: Option<f64>,
     /// Number of attempts to continue the print before the card is back.
     tries_without_it: u32,

@@ -51,7 +51,7 @@ enum Line {
         lift: f64,
         extra: f64,
     },
-    /// Written as it is.
+    /// Written unchanged.
     Plain(String),
     Relative(bool),
     RelativeExtruder(bool),

@@ -26,7 +26,7 @@ pub const DESK: &str = "desk";
 pub struct Change {
     /// Key with dots.
     pub key: String,
-    /// The committed count; `None` if there was none.
+    /// The committed count; `None` if it is missing.
     pub before: Option<f64>,
     /// The current count; `None` if it is not counted any more.
     pub now: Option<f64>,

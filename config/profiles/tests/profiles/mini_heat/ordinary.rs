@@ -1,4 +1,4 @@
-//! Hours of ordinary use, in which nothing may trip.
+//! Hours of ordinary use, in which no check may trip.
 //!
 //! Jobs follow each other, each with its material, weather, supply and noise; heat-up, print
 //! and cooling are run at the firmware's own 100 samples a second, by its own code. The suite

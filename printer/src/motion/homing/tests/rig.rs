@@ -50,7 +50,7 @@ pub enum Event {
     Sought(usize, f64, f32),
     /// The next moves are part of homing.
     Homing,
-    /// The machine is said to be here.
+    /// The machine's assumed place.
     Placed([f64; 3]),
 }
 
