@@ -4,6 +4,9 @@
 //! The machine's coordinates are those of T0's nozzle, whichever tool is selected: limits, homing,
 //! the probe and the bed know no other. The offset of the selected nozzle is a part of the
 //! G-code's, beside those of G92 and M206.
+//!
+//! A change makes the steps of Marlin's (`Marlin/src/module/tool_change.cpp`), which cuts Z to its
+//! travel and always raises by the same height.
 
 use ferrostep_gcode::{AxisWords, Decimal, Real};
 use ferrostep_hal_shim::{FanOutput, Heater};
