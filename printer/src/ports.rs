@@ -183,7 +183,7 @@ pub trait Ports {
     /// The time, and waits.
     type Clock: Clock + DelayNs + Clone;
     /// Receiver of replies.
-    type Replies: Replies;
+    type Replies: Replies + ?Sized;
 }
 
 impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Ports for (M, H, T, R) {

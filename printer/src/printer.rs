@@ -1,8 +1,6 @@
 //! The printer: its parts and its set-up.
 
-use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::SettingsCommand;
-use ferrostep_hal_shim::Clock;
 use ferrostep_planner::MotionChoice;
 
 use crate::job::lines::Lines;
@@ -13,7 +11,7 @@ use crate::motion::modal::Tally;
 use crate::ports::accelerometer::Accelerometer;
 use crate::ports::black_box::BlackBox;
 use crate::ports::identity::Identity;
-use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, Timing};
+use crate::ports::{Equipment, Motion, MotorDrivers, Ports, Timing};
 use crate::settings::profile::Profile;
 use crate::signals::Signals;
 
@@ -89,11 +87,18 @@ pub struct Printer<'a, P: Ports> {
     pub(crate) modes: Modes<<P::Motion as Motion>::Tools>,
 }
 
-impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, (M, H, T, R)> {
+impl<'a, P: Ports> Printer<'a, P> {
     /// A printer that has just been switched on: no axis homed, all heaters cold.
-    pub fn new(profile: &'a Profile, motion: M, heating: H, clock: T, replies: &'a R, signals: &'a Signals) -> Self {
+    pub fn new(
+        profile: &'a Profile,
+        motion: P::Motion,
+        heating: P::Heating,
+        clock: P::Clock,
+        replies: &'a P::Replies,
+        signals: &'a Signals,
+    ) -> Self {
         signals.set_heater_timeout_s(profile.heater_timeout_s);
-        if M::FOLLOWS_FILAMENT
+        if <P::Motion as Motion>::FOLLOWS_FILAMENT
             && let Some(length_10nm) = profile.filament_sensor.and_then(|sensor| sensor.detection_10nm())
         {
             signals.set_filament_detection_10nm(length_10nm as u32);
@@ -114,9 +119,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             modes: Modes::new(profile),
         }
     }
-}
 
-impl<'a, P: Ports> Printer<'a, P> {
     /// Version of the firmware as M115 reports it, `0.1.0 (commit abcdef0)`; without this
     /// it has no commit.
     pub fn set_version(&mut self, version: &'a str) {

@@ -26,5 +26,5 @@ pub mod settings_file;
 mod version;
 pub mod watch;
 
-pub use session::{DeskPrinter, JobReplies, LiveSession, PlanSession, PrintSession, Session};
+pub use session::{DeskPorts, DeskPrinter, JobReplies, LiveSession, PlanSession, PrintSession, Session};
 pub use version::VERSION;

@@ -21,10 +21,10 @@ use ferrostep_hal_shim::Heater;
 use ferrostep_printer::SharedMotion;
 use ferrostep_printer::{Heating, Printer, Profile, Replies, temperatures};
 use ferrostep_simulator::frame::Mode;
-use ferrostep_virtual_board::{VirtualCard, VirtualClock, VirtualDelay};
+use ferrostep_virtual_board::{VirtualCard, VirtualClock};
 
-use crate::desk::{Desk, DeskHeating, Figures, LOOK_AHEAD_BLOCKS, LiveMachine, MotionState};
-use crate::session::{LiveSession, Session};
+use crate::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS, LiveMachine, MotionState};
+use crate::session::{DeskPorts, LiveSession, Session};
 use crate::settings_file::SettingsFile;
 
 pub use faults::{Fault, FaultKind, KINDS as FAULT_KINDS};
@@ -58,7 +58,7 @@ type Card = LocalCard<VirtualCard<Vec<u8>>>;
 type HostSession = LiveSession<HostPort>;
 
 /// Its printer.
-type HostPrinter<'a> = Printer<'a, (SharedMotion<LiveMachine<'a>>, DeskHeating<'a>, VirtualDelay<'a>, HostPort)>;
+type HostPrinter<'a> = Printer<'a, DeskPorts<'a, SharedMotion<LiveMachine<'a>>>>;
 
 /// The settings of a served printer.
 #[derive(Clone, Debug)]

@@ -3,6 +3,7 @@
 use std::cell::{Cell, Ref, RefCell};
 use std::collections::BTreeSet;
 use std::future::Future;
+use std::marker::PhantomData;
 use std::pin::pin;
 use std::rc::Rc;
 use std::task::{Context, Poll, Waker};
@@ -12,8 +13,8 @@ use ferrostep_hal_shim::{Clock, FanOutput, Heater};
 use ferrostep_printer::SharedMotion;
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{
-    EncoderWatch, Failure, FilamentWatch, HeaterRest, HeaterTimeout, Heating, Printer, Profile, Replies, SUPPLY_FAILS,
-    Signals, SupplyWatch, tell_driver_event, tell_stalled_fan, temperatures,
+    EncoderWatch, Failure, FilamentWatch, HeaterRest, HeaterTimeout, Heating, Motion, Ports, Printer, Profile, Replies,
+    SUPPLY_FAILS, Signals, SupplyWatch, tell_driver_event, tell_stalled_fan, temperatures,
 };
 use ferrostep_simulator::frame::Mode;
 use ferrostep_virtual_board::{EndStopFailure, HeaterFailure, IDENTIFIER, VirtualClock, VirtualDelay, VirtualHeaters};
@@ -30,12 +31,19 @@ use crate::version::VERSION;
 /// Most different unknown commands remembered; a broken file could name any number.
 const MAX_UNKNOWN_COMMANDS: usize = 100;
 
-/// A printer whose commands move `M`.
-type PrinterOf<'a, M, R> = Printer<'a, (M, DeskHeating<'a>, VirtualDelay<'a>, R)>;
+/// Parts of a printer on the desk that moves `M`. The types of the replies and of the steps' observer are left out:
+/// the printer's code is large, and compiled again for each type.
+pub struct DeskPorts<'a, M>(PhantomData<(&'a (), M)>);
 
-/// A printer that makes every step. The observer of the steps is not part of the type: the printer's code is large,
-/// and compiled again for each type.
-pub type DeskPrinter<'a, R> = PrinterOf<'a, SharedMotion<DeskMachine<'a>>, R>;
+impl<'a, M: Motion> Ports for DeskPorts<'a, M> {
+    type Motion = M;
+    type Heating = DeskHeating<'a>;
+    type Clock = VirtualDelay<'a>;
+    type Replies = dyn Replies + 'a;
+}
+
+/// A printer that makes every step.
+pub type DeskPrinter<'a> = Printer<'a, DeskPorts<'a, SharedMotion<DeskMachine<'a>>>>;
 
 /// A session that makes every step, seen by `O`.
 pub type PrintSession<O, R> = Session<Rehearsal<O>, R>;
@@ -153,13 +161,14 @@ impl<D: Desk, R: Replies> Session<D, R> {
     }
 
     /// The printer; one at a time makes sense.
-    pub fn printer(&self) -> PrinterOf<'_, D::Motion<'_>, R> {
+    pub fn printer(&self) -> Printer<'_, DeskPorts<'_, D::Motion<'_>>> {
+        let replies: &dyn Replies = &self.replies;
         let mut printer = Printer::new(
             &self.profile,
             self.desk.motion(&self.signals),
             self.heating(),
             VirtualDelay(&self.clock),
-            &self.replies,
+            replies,
             &self.signals,
         );
         printer.set_version(VERSION);

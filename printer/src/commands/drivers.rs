@@ -23,7 +23,7 @@ const LOOK_MS: u32 = 10;
 ///
 /// Without current only the axis' home is lost. Printers are often without motor supply, so that is
 /// only a notice: hosts end a print at each `Error:`.
-pub fn tell_driver_event(event: &DriverEvent, motors_on: u8, replies: &impl Replies) -> bool {
+pub fn tell_driver_event(event: &DriverEvent, motors_on: u8, replies: &(impl Replies + ?Sized)) -> bool {
     let halts = event.stops_motion() && motors_on >> event.axis() & 1 == 1;
     if event.is_notable() {
         replies.say(format_args!("{}{event}", if halts { "Error:" } else { "echo:" }));
@@ -168,7 +168,7 @@ fn change(
     setting: Shown,
     values: Values,
     extruder: usize,
-    replies: &impl Replies,
+    replies: &(impl Replies + ?Sized),
 ) -> Result<(), CommandError> {
     for is_set in [false, true] {
         for (motor, value) in [0, 1, 2, extruder].into_iter().zip(&values) {
@@ -212,7 +212,7 @@ impl fmt::Display for Chopper<'_> {
 
 impl Shown {
     /// Reports the setting of one driver.
-    fn say(self, name: &str, report: &DriverReport, replies: &impl Replies) {
+    fn say(self, name: &str, report: &DriverReport, replies: &(impl Replies + ?Sized)) {
         let DriverReport { state, settings, run_ma, hold_ma, status, load, repeated } = report;
         let DriverSettings { current_ma, microsteps, stall_threshold, .. } = settings;
         let chopper = Chopper(settings);

@@ -21,7 +21,7 @@ pub fn tell_stalled_fan(
     table: &FanTable,
     heating: &impl Heating,
     signals: &Signals,
-    replies: &impl Replies,
+    replies: &(impl Replies + ?Sized),
 ) {
     let stalled = heating.stalled_fan();
     if stalled == *told {

@@ -147,7 +147,7 @@ impl Incoming {
     }
 
     /// Reports to the host, if a report is due.
-    fn tell(&mut self, replies: &impl Replies, room: usize) {
+    fn tell(&mut self, replies: &(impl Replies + ?Sized), room: usize) {
         if core::mem::take(&mut self.answer) || self.receiver.has_opened(self.limit, room) {
             let report = self.receiver.report(room);
             let [_, limit] = report.numbers;
@@ -158,7 +158,7 @@ impl Incoming {
 
     /// Reads and answers until text comes, or the host gives up. With an idle machine it returns
     /// after each portion.
-    async fn take_in<R: Replies>(
+    async fn take_in<R: Replies + ?Sized>(
         &mut self,
         line: &mut impl JobLine,
         room: &mut [u8],
@@ -198,7 +198,7 @@ impl Incoming {
 
     /// Answers M790 in the middle of a transfer, from a host that was restarted: the transfer
     /// continues where it stopped.
-    fn asked_again(&mut self, request: Option<JobRequest>, replies: &impl Replies) {
+    fn asked_again(&mut self, request: Option<JobRequest>, replies: &(impl Replies + ?Sized)) {
         match request {
             Some(request) if request.size == self.receiver.size() => self.answer = true,
             Some(_) => replies.say(format_args!("echo:gpre: another job is being received")),

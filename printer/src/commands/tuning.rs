@@ -52,14 +52,14 @@ fn marlins(gain: f32) -> Real {
 /// Reports a cycle of the relay. By itself, as the compiler keeps every value of a future's
 /// function in memory.
 #[inline(never)]
-fn tell_cycle(replies: &impl Replies, ended: u8, of: u8, ends: [f32; 2]) {
+fn tell_cycle(replies: &(impl Replies + ?Sized), ended: u8, of: u8, ends: [f32; 2]) {
     let [lowest, highest] = ends.map(|celsius| Real::fixed(celsius, 2));
     replies.say(format_args!(" cycle: {ended}/{of} min: {lowest} max: {highest}"));
 }
 
 /// Reports a part of a step response.
 #[inline(never)]
-fn tell_step(replies: &impl Replies, ended: u8, of: u8) {
+fn tell_step(replies: &(impl Replies + ?Sized), ended: u8, of: u8) {
     replies.say(format_args!(" part: {ended}/{of}"));
 }
 

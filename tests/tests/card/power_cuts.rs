@@ -352,7 +352,7 @@ fn another_print_forgets_the_interrupted_one() {
 }
 
 /// The text of a refusal of M1000.
-fn refusal(setup: &Setup, printer: &mut crate::card::setup::DeskPrinter<'_>) -> String {
+fn refusal(setup: &Setup, printer: &mut ferrostep_session::DeskPrinter<'_>) -> String {
     let said = setup.converse(printer, &["M1000"], &mut nothing);
     assert_eq!(said.last().unwrap(), "ok", "{said:?}");
     assert_eq!(setup.motor_steps()[3], 0, "no filament has moved");

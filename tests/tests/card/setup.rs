@@ -12,17 +12,14 @@ use embedded_hal_async::delay::DelayNs;
 use ferrostep_card::LocalCard;
 use ferrostep_gcode::{LineReader, Reply};
 use ferrostep_planner::{StepDigests, StepObserver};
-use ferrostep_printer::SharedMotion;
-use ferrostep_printer::{Host, HostLines, HostText, Printer, Profile, Replies};
-use ferrostep_session::desk::{DeskHeating, DeskMachine};
+use ferrostep_printer::{Host, HostLines, HostText, Profile, Replies};
 use ferrostep_session::record::Observer;
-use ferrostep_session::{PrintSession, Session};
+use ferrostep_session::{DeskPrinter, PrintSession, Session};
 use ferrostep_virtual_board::{EndStopFailure, VirtualCard, VirtualDelay};
 
 pub type Slot = VirtualCard<Vec<u8>>;
 pub type Card = LocalCard<Slot>;
 type Desk = PrintSession<StepLog, Said>;
-pub type DeskPrinter<'a> = Printer<'a, (SharedMotion<DeskMachine<'a>>, DeskHeating<'a>, VirtualDelay<'a>, Said)>;
 
 /// An event of the motors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,9 +3,8 @@
 
 use ferrostep_printer::machine::Pushed;
 use ferrostep_printer::{FilamentSensor, FilamentSensorKind, Printer, Profile, SharedMotion};
-use ferrostep_session::desk::{Desk, DeskHeating, ExtruderNow, LOOK_AHEAD_BLOCKS, LiveMachine};
-use ferrostep_session::{LiveSession, Session};
-use ferrostep_virtual_board::VirtualDelay;
+use ferrostep_session::desk::{Desk, ExtruderNow, LOOK_AHEAD_BLOCKS, LiveMachine};
+use ferrostep_session::{DeskPorts, LiveSession, Session};
 
 use crate::end_to_end::command::example;
 use crate::end_to_end::desk::profile;
@@ -23,7 +22,7 @@ const RESOLUTION_MM: f64 = 0.4;
 type Machine = LiveSession<Collector>;
 
 /// The machine's printer.
-type PrinterOf<'a> = Printer<'a, (SharedMotion<LiveMachine<'a>>, DeskHeating<'a>, VirtualDelay<'a>, Collector)>;
+type PrinterOf<'a> = Printer<'a, DeskPorts<'a, SharedMotion<LiveMachine<'a>>>>;
 
 fn machine(advance_s: f64) -> Machine {
     let mut profile: Profile = profile("cartesian");

@@ -23,7 +23,7 @@ pub fn machine(profile: &Profile) -> Machine {
 /// The host's end of the line, and the printer at the other end.
 pub struct Conversation<'a, O: Observer = ()> {
     machine: &'a PrintSession<O, Collector>,
-    printer: DeskPrinter<'a, Collector>,
+    printer: DeskPrinter<'a>,
     host: Host,
     reader: LineReader,
 }

@@ -10,13 +10,12 @@ use ferrostep_usb::{Heard, Incoming, Lines};
 
 use crate::end_to_end::desk::profile;
 use crate::end_to_end::hosts::{Machine, machine};
-use crate::end_to_end::refusals::Collector;
 use crate::end_to_end::repeats::Seeded;
 
 /// A port with its printer.
 struct Port<'a> {
     machine: &'a Machine,
-    printer: DeskPrinter<'a, Collector>,
+    printer: DeskPrinter<'a>,
     incoming: Incoming,
     ring: PortBuffers,
     lines: Lines,

@@ -17,7 +17,7 @@ fn machine(profile: &Profile) -> Machine {
 }
 
 /// Executes lines. Returns the replies, except `ok` and `busy`.
-fn say(machine: &Machine, printer: &mut DeskPrinter<'_, Collector>, lines: &[&str]) -> Vec<String> {
+fn say(machine: &Machine, printer: &mut DeskPrinter<'_>, lines: &[&str]) -> Vec<String> {
     let mut replies = Vec::new();
     for (number, line) in (1..).zip(lines) {
         // A refusal is reported.

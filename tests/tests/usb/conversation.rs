@@ -43,7 +43,7 @@ pub fn machine<R: Replies>(replies: R) -> PrintSession<(), R> {
 /// A printer at the port, and a host that prints through it.
 pub struct Conversation<'a> {
     machine: &'a PrintSession<(), Port<'a>>,
-    printer: DeskPrinter<'a, Port<'a>>,
+    printer: DeskPrinter<'a>,
     device: &'a Device,
     /// The host.
     pub host: Host<'a>,

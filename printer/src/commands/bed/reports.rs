@@ -56,7 +56,7 @@ impl<P: Ports> Printer<'_, P> {
 }
 
 /// The heights as Marlin prints them, mm.
-fn write_mesh(replies: &impl Replies, mesh: &Mesh) {
+fn write_mesh(replies: &(impl Replies + ?Sized), mesh: &Mesh) {
     let [columns, rows] = mesh.grid().points;
     if columns == 0 {
         return;

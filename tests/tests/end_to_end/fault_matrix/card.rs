@@ -14,7 +14,6 @@ use super::At;
 use super::trial::LONG_S;
 use crate::end_to_end::command::repository;
 use crate::end_to_end::hosts::{Machine, machine};
-use crate::end_to_end::refusals::Collector;
 
 type Card = LocalCard<VirtualCard<Vec<u8>>>;
 
@@ -119,7 +118,7 @@ pub fn outcome(profile: &Profile, at: At, prints: bool) -> String {
     }
     let card = card(&text);
     let machine = machine(profile);
-    let mut printer: DeskPrinter<'_, Collector> = machine.printer();
+    let mut printer: DeskPrinter<'_> = machine.printer();
     printer.set_card(&card);
     let mut said = Vec::new();
     for line in at.lines_before().into_iter().chain(["M21"]) {
