@@ -21,6 +21,7 @@ mod reduce;
 mod sampler;
 mod source;
 mod temperatures;
+mod times;
 mod totals;
 
 pub use commanded::PlannedMove;
@@ -34,4 +35,5 @@ pub use page::{Job, write_page};
 pub use recorder::{Machine, Recorder, Recording};
 pub use source::{SourceText, Text};
 pub use temperatures::{Chamber, Temperature};
+pub use times::{SlicerTime, TimeOf, slicer_times};
 pub use totals::{Extreme, Totals};

@@ -2,6 +2,8 @@
 //!
 //! The only place that knows them: counts of layers, waveforms of a layer and pages agree because they all ask here.
 
+use crate::times::{TimeOf, slicer_times};
+
 /// A slicer's mark.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Mark {
@@ -32,7 +34,7 @@ enum LayerForm {
 
 /// The slicer's times, the one that is compared first: without what comes before the print, where a slicer says both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd)]
-enum TimeOf {
+enum Compared {
     Everything,
     Model,
 }
@@ -64,7 +66,7 @@ pub struct Marks {
     /// KISSlicer's height, which each object of a layer repeats.
     height: Option<String>,
     /// The source of the time that was returned.
-    time_of: Option<TimeOf>,
+    time_of: Option<Compared>,
 }
 
 impl Marks {
@@ -79,7 +81,7 @@ impl Marks {
         if let Some(name) = feature(body) {
             return Some(Mark::Feature(name.to_owned()));
         }
-        let (of, seconds) = time(body)?;
+        let (of, seconds) = time(comment)?;
         // The first of several counts, and a better one.
         if self.time_of.is_some_and(|before| before >= of) {
             return None;
@@ -125,58 +127,13 @@ fn feature(body: &str) -> Option<&str> {
     (!name.is_empty()).then_some(name)
 }
 
-/// A slicer's time, s.
-fn time(body: &str) -> Option<(TimeOf, f64)> {
-    // Cura; Griffin and the header of the Ultimaker 3; ideaMaker.
-    for start in ["TIME:", "PRINT.TIME:", "Print Time:"] {
-        if let Some(rest) = body.strip_prefix(start) {
-            let seconds = rest.trim().parse::<f64>().ok().filter(|seconds| seconds.is_finite() && *seconds > 0.0);
-            return Some((TimeOf::Everything, seconds.or_else(|| in_words_s(rest))?));
-        }
-    }
-    // Bambu Studio, OrcaSlicer: both in a line, or each in its own.
-    if let Some(rest) = body.strip_prefix("model printing time:") {
-        return Some((TimeOf::Model, in_words_s(rest.split(';').next()?)?));
-    }
-    let rest = if let Some((_, rest)) = body.split_once("total estimated time:") {
-        rest
-    } else if let Some(rest) = body.strip_prefix("estimated printing time") {
-        // PrusaSlicer, SuperSlicer, Slic3r. The silent mode is another machine's, the first layer's is a part.
-        let (mode, rest) = rest.split_once('=')?;
-        if !matches!(mode.trim(), "" | "(normal mode)") {
-            return None;
-        }
-        rest
-    } else {
-        // Simplify3D, KISSlicer.
-        let start = ["build time:", "estimated build time:"];
-        let start = start
-            .iter()
-            .find(|start| body.get(..start.len()).is_some_and(|beginning| beginning.eq_ignore_ascii_case(start)))?;
-        body.get(start.len()..)?
-    };
-    Some((TimeOf::Everything, in_words_s(rest)?))
-}
-
-/// `1d 2h 3m 4s`, `1 hour 17 minutes`, `113.73 minutes`.
-fn in_words_s(text: &str) -> Option<f64> {
-    let (mut total_s, mut rest) = (0.0, text.trim());
-    while !rest.is_empty() {
-        let unit_at = rest.find(|char: char| !(char.is_ascii_digit() || char == '.'))?;
-        let number: f64 = rest.get(..unit_at)?.parse().ok()?;
-        let after = rest.get(unit_at..)?.trim_start();
-        let unit_end = after.find(|char: char| !char.is_ascii_alphabetic()).unwrap_or(after.len());
-        let unit_s = match after.get(..unit_end)?.to_ascii_lowercase().as_str() {
-            "d" | "day" | "days" => 86_400.0,
-            "h" | "hr" | "hrs" | "hour" | "hours" => 3_600.0,
-            "m" | "min" | "mins" | "minute" | "minutes" => 60.0,
-            "s" | "sec" | "secs" | "second" | "seconds" => 1.0,
-            _ => return None,
-        };
-        total_s += number * unit_s;
-        rest = after.get(unit_end..)?.trim_start_matches([' ', '\t', ',']);
-    }
-    (total_s > 0.0).then_some(total_s)
+/// A slicer's time that can be compared, s: of the machine's usual mode, and of all of the print.
+fn time(comment: &str) -> Option<(Compared, f64)> {
+    slicer_times(comment).filter(|time| time.seconds > 0.0).find_map(|time| match time.of {
+        TimeOf::Print => Some((Compared::Everything, time.seconds)),
+        TimeOf::Model => Some((Compared::Model, time.seconds)),
+        TimeOf::SilentPrint | TimeOf::FirstLayer | TimeOf::Elapsed | TimeOf::Remaining => None,
+    })
 }
 
 #[cfg(test)]
