@@ -252,6 +252,21 @@ impl Input {
     }
 }
 
+/// The packing around a job's text, gzip or a zip archive; `None` for a file that is the job
+/// itself.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn packing(path: &Path) -> io::Result<Option<&'static str>> {
+    let mut file = File::open(path)?;
+    if is_zip(&mut file)? {
+        return Ok(Some("a zip archive"));
+    }
+    let mut magic = [0; 2];
+    let is_gzip = file.read_exact(&mut magic).is_ok() && magic == GZIP_MAGIC;
+    Ok(is_gzip.then_some("packed with gzip"))
+}
+
 /// Returns true if a file is a zip archive. Rewinds the file.
 fn is_zip(file: &mut File) -> io::Result<bool> {
     let mut magic = [0; 4];

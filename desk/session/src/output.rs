@@ -148,7 +148,11 @@ impl Output {
     /// The rename or the last write fails; the temporary file is removed then.
     pub fn keep(mut self) -> Result<(), OutputError> {
         let outcome = match self.sink.take() {
-            Some(Sink::Part(part)) => unfinished::keep(part, &self.target),
+            // On the disk before it replaces another file: a power cut must not leave an empty one.
+            Some(Sink::Part(part)) => {
+                let written = part.as_file().sync_all();
+                written.and_then(|()| unfinished::keep(part, &self.target))
+            }
             Some(Sink::Stream(mut stream)) => stream.flush(),
             None => Ok(()),
         };

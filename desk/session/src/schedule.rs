@@ -21,8 +21,12 @@ const MAX_POINTS: usize = 1 << 16;
 /// The printer's time at some lines of a file.
 #[derive(Debug, Default)]
 pub struct Schedule {
-    /// Lines from 1 and the time at their beginning, s; both ascend.
+    /// Lines from 1 and a time at each, s; both ascend.
     points: Vec<(u32, f64)>,
+    /// The newest time, which need not be among the points.
+    last: Option<(u32, f64)>,
+    /// Least time between two points, s.
+    step_s: f64,
     /// Time of the whole job, s.
     total_s: f64,
 }
@@ -37,11 +41,43 @@ impl Schedule {
         let mut input = Wanted { input, unwanted };
         let session = Session::estimate(profile, look_ahead, JobReplies::new(|_: &str| {}));
         let mut printer = session.printer();
-        let mut sampler = Sampler { now_s: || session.figures().print_time_s, points: Vec::new(), step_s: STEP_S };
+        let schedule = Self { step_s: STEP_S, ..Self::default() };
+        let mut sampler = Sampler { now_s: || session.figures().print_time_s, schedule };
         let mut progress = JobProgress::default();
         let outcome = session.run(job::run_watched(&mut input, &mut printer, &mut progress, &mut sampler, |_| {}));
         outcome.map_err(|error| error.to_string())?;
-        Ok(Self { points: sampler.points, total_s: session.figures().print_time_s })
+        Ok(Self { total_s: session.figures().print_time_s, ..sampler.schedule })
+    }
+
+    /// Notes the time at a line, s. Lines and times ascend; others are left out.
+    pub fn note(&mut self, line: u32, now_s: f64) {
+        if self.last.is_some_and(|(last, last_s)| line < last || now_s < last_s) {
+            return;
+        }
+        self.last = Some((line, now_s));
+        if self.points.last().is_some_and(|(_, last_s)| now_s < last_s + self.step_s) {
+            return;
+        }
+        self.points.push((line, now_s));
+        if self.points.len() >= MAX_POINTS {
+            let mut number = 0_u32;
+            self.points.retain(|_| {
+                number = number.wrapping_add(1);
+                number % 2 == 1
+            });
+            self.step_s = (self.step_s * 2.0).max(STEP_S);
+        }
+    }
+
+    /// Ends the job: the newest time becomes a point, whatever its distance to the one before.
+    pub fn end(&mut self, total_s: f64) {
+        self.points.extend(self.last.filter(|last| self.points.last() != Some(last)));
+        self.total_s = total_s;
+    }
+
+    /// The newest time that was noted, s.
+    pub fn newest_s(&self) -> f64 {
+        self.last.map_or(0.0, |(_, time_s)| time_s)
     }
 
     /// Time of the whole job, s.
@@ -59,31 +95,13 @@ impl Schedule {
 /// Notes the time at the lines.
 struct Sampler<F> {
     now_s: F,
-    points: Vec<(u32, f64)>,
-    step_s: f64,
-}
-
-impl<F> Sampler<F> {
-    fn note(&mut self, line: u32, now_s: f64) {
-        if self.points.last().is_some_and(|(_, last_s)| now_s < last_s + self.step_s) {
-            return;
-        }
-        self.points.push((line, now_s));
-        if self.points.len() >= MAX_POINTS {
-            let mut number = 0_u32;
-            self.points.retain(|_| {
-                number = number.wrapping_add(1);
-                number % 2 == 1
-            });
-            self.step_s *= 2.0;
-        }
-    }
+    schedule: Schedule,
 }
 
 impl<P: Ports, F: Fn() -> f64> Onlooker<P> for Sampler<F> {
     fn begins(&mut self, _: &Printer<'_, P>, line: u32, _: &str) {
         let now_s = (self.now_s)();
-        self.note(line, now_s);
+        self.schedule.note(line, now_s);
     }
 
     fn ended(&mut self, _: &Printer<'_, P>) {}
@@ -111,14 +129,26 @@ mod tests {
     /// A print of any length takes the same memory; its first line stays.
     #[test]
     fn a_long_job_keeps_every_second_line() {
-        let mut sampler = Sampler { now_s: || 0.0, points: Vec::new(), step_s: STEP_S };
+        let mut schedule = Schedule { step_s: STEP_S, ..Schedule::default() };
         for line in 1..=1_000_000_u32 {
-            sampler.note(line, f64::from(line) * 0.5);
+            schedule.note(line, f64::from(line) * 0.5);
         }
-        assert!((MAX_POINTS / 2 - 1..MAX_POINTS).contains(&sampler.points.len()), "{}", sampler.points.len());
-        assert_eq!(sampler.points.first(), Some(&(1, 0.5)));
-        assert!(sampler.points.is_sorted_by(|a, b| a.0 < b.0 && b.1 >= a.1 + 8.0));
-        let schedule = Schedule { points: sampler.points, total_s: 500_000.0 };
+        assert!((MAX_POINTS / 2 - 1..MAX_POINTS).contains(&schedule.points.len()), "{}", schedule.points.len());
+        assert_eq!(schedule.points.first(), Some(&(1, 0.5)));
+        assert!(schedule.points.is_sorted_by(|a, b| a.0 < b.0 && b.1 >= a.1 + 8.0));
         assert!((schedule.at_s(777_777) - 388_888.5).abs() <= 16.0, "{}", schedule.at_s(777_777));
+        schedule.end(500_000.0);
+        assert_eq!((schedule.at_s(1_000_000), schedule.total_s()), (500_000.0, 500_000.0));
+    }
+
+    #[test]
+    fn a_short_job_keeps_every_line() {
+        let mut schedule = Schedule::default();
+        for (line, time_s) in [(3, 1.0), (5, 1.25), (4, 2.0), (6, 1.0), (9, 1.5)] {
+            schedule.note(line, time_s);
+        }
+        schedule.end(1.5);
+        let times = [0, 3, 4, 5, 6, 8, 9, 10].map(|line| schedule.at_s(line));
+        assert_eq!(times, [0.0, 1.0, 1.0, 1.25, 1.25, 1.25, 1.5, 1.5], "a line or a time that goes back is left out");
     }
 }

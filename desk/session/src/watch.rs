@@ -11,6 +11,11 @@ use crate::remarks::{RemarkKind, RemarkList};
 /// Commands that wait for a person: pauses, and filament changes.
 const PAUSES: [&str; 7] = ["M0", "M1", "M25", "M125", "M226", "M600", "M601"];
 
+/// Returns true if a command asks the printer to wait for a person.
+pub fn is_pause(text: &str) -> bool {
+    PAUSES.iter().any(|pause| pause.eq_ignore_ascii_case(code(text)))
+}
+
 /// Units of 10 nm in a mm.
 const UNITS_PER_MM: f64 = 100_000.0;
 
@@ -92,12 +97,9 @@ impl<P: Ports> Onlooker<P> for Watch<'_> {
     fn begins(&mut self, _: &Printer<'_, P>, line: u32, text: &str) {
         self.line = line;
         self.is_arc = ["G2", "G3", "G02", "G03"].iter().any(|arc| arc.eq_ignore_ascii_case(code(text)));
-        if text.starts_with(['M', 'm']) {
-            let code = code(text);
-            if PAUSES.iter().any(|pause| pause.eq_ignore_ascii_case(code)) {
-                let message = format!("{code} asks the printer to wait for a person");
-                self.remarks.note(RemarkKind::Pause, Some(line), message);
-            }
+        if is_pause(text) {
+            let message = format!("{} asks the printer to wait for a person", code(text));
+            self.remarks.note(RemarkKind::Pause, Some(line), message);
         }
     }
 

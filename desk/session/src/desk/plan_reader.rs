@@ -48,7 +48,12 @@ struct Reading {
     extruder_256ths: i64,
     /// The record of the plan, if one is written.
     script: Option<Script>,
+    /// Takes the ends of lines, if they are asked for.
+    line_ends: Option<Box<LineEnds>>,
 }
+
+/// Takes the number of a line and the motion clock at the end of its motion, ticks.
+type LineEnds = dyn FnMut(u32, u64);
 
 impl Reading {
     /// Reads the next block that may leave look-ahead, and moves the motors to its end; `false` without one.
@@ -75,6 +80,11 @@ impl Reading {
         let steps = [x, y, z, rounded_steps(self.extruder_256ths) - extruder_before];
         self.motors.ledger.displace(steps);
         self.ledger.displace(steps);
+        if let Some(line_ends) = &mut self.line_ends
+            && block.ends_move
+        {
+            line_ends(block.line, self.ledger.tick() + self.read_ticks);
+        }
         true
     }
 }
@@ -180,7 +190,7 @@ impl StepSink for Seek<'_> {
 pub struct PlanReader {
     plan: RefCell<Plan>,
     factors: LimitFactors,
-    time: DeskTime,
+    time: Rc<DeskTime>,
     drivers: Rc<DeskDrivers>,
     /// Tick up to which the desk has let time pass.
     passed_tick: Cell<u64>,
@@ -203,6 +213,7 @@ impl PlanReader {
             read_ticks: 0,
             extruder_256ths: 0,
             script: is_written.then(Script::default),
+            line_ends: None,
         };
         let bed = BedStage::new(&profile.geometry());
         let plan = Plan {
@@ -214,7 +225,7 @@ impl PlanReader {
             fan_powers: [0; FanOutput::COUNT],
         };
         let factors = LimitFactors::default();
-        Self { plan: RefCell::new(plan), factors, time: DeskTime::default(), drivers, passed_tick: Cell::new(0) }
+        Self { plan: RefCell::new(plan), factors, time: Rc::default(), drivers, passed_tick: Cell::new(0) }
     }
 
     /// The same with other limits; commands that read or change them see those without the factors.
@@ -223,6 +234,14 @@ impl PlanReader {
         let planner = &mut self.plan.get_mut().planner;
         planner.set_limits(factors.of(*planner.limits()));
         Self { factors, ..self }
+    }
+
+    /// Calls `tell` with the number of each line whose motion is planned to its end, and the
+    /// virtual time at that end, ns.
+    pub fn on_line_end(&self, mut tell: impl FnMut(u32, u64) + 'static) {
+        let time = Rc::clone(&self.time);
+        let line_ends = move |line, tick| tell(line, time.now_ns(tick));
+        self.plan.borrow_mut().reading.line_ends = Some(Box::new(line_ends));
     }
 
     /// Gives access to the record of the plan.
