@@ -15,7 +15,7 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand};
 use ferrostep_analysis::sweep::Values;
 use ferrostep_host::printer_line::Address;
-use ferrostep_import::Url;
+use ferrostep_import::{ApiKey, Url};
 
 use values::edge;
 
@@ -174,6 +174,10 @@ pub enum Command {
         /// Asks a running Klipper for its configuration, by its server Moonraker: http://HOST or http://HOST:PORT.
         #[arg(long, value_name = "URL", conflicts_with = "marlin")]
         moonraker: Option<Url>,
+        /// The key that Moonraker wants of computers that it does not trust (its page shows it
+        /// under API key).
+        #[arg(long, value_name = "KEY", requires = "moonraker")]
+        api_key: Option<ApiKey>,
         /// Asks a running Marlin for its settings (M115, M503) at a serial port or tcp:HOST:PORT. They hold over those of FILE, its
         /// Configuration.h, which says what a printer does not tell.
         #[arg(long, value_name = "PATH|tcp:HOST:PORT")]

@@ -21,8 +21,8 @@ use arguments::{Arguments, Command};
 #[cfg(unix)]
 use commands::serve;
 use commands::{
-    blackbox, calibrate, compare, estimate, import, inspect, papers, ports, preprocess, print, send, show, simulate,
-    sweep,
+    blackbox, calibrate, compare, estimate, import, inspect, papers, ports, preprocess, print, send,
+    show, simulate, sweep,
 };
 use terminal::tell;
 
@@ -61,8 +61,8 @@ fn main() -> ExitCode {
         Command::Show(arguments) => show::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Calibrate { calibration } => calibrate::run(&calibration),
-        Command::Import { file, moonraker, marlin, baud, out, json, all, assume } => {
-            import::Source::of(file, moonraker, marlin, baud)
+        Command::Import { file, moonraker, api_key, marlin, baud, out, json, all, assume } => {
+            import::Source::of(file, moonraker, api_key, marlin, baud)
                 .and_then(|source| import::run(&import::Arguments { source, out: out.as_deref(), json, all, assume }))
         }
         Command::Completions { shell } => manual::completions(shell),

@@ -71,6 +71,19 @@ impl fmt::Display for Url {
     }
 }
 
+/// The key by which a server knows its user.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ApiKey(String);
+
+impl FromStr for ApiKey {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let is_key = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_graphic());
+        is_key.then(|| Self(text.to_owned())).ok_or_else(|| "expected letters and digits without blanks".to_owned())
+    }
+}
+
 /// An answer.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Answer {
@@ -82,11 +95,11 @@ pub(crate) struct Answer {
     pub body: Vec<u8>,
 }
 
-/// Asks a server for a path.
+/// Asks a server for a path, with a key if it wants one.
 ///
 /// # Errors
 /// The server does not accept the connection, is silent, or its answer is not HTTP or too long.
-pub(crate) fn get(url: &Url, path: &str) -> Result<Answer, String> {
+pub(crate) fn get(url: &Url, path: &str, key: Option<&ApiKey>) -> Result<Answer, String> {
     let Url { host, port } = url;
     let mut stream = connect(&format!("{host}:{port}")).map_err(|error| {
         let hint = if *port == HTTP_PORT { "; Moonraker itself answers at port 7125" } else { "" };
@@ -95,8 +108,10 @@ pub(crate) fn get(url: &Url, path: &str) -> Result<Answer, String> {
     let lost = |error: io::Error| format!("the connection is lost: {error}");
     stream.set_read_timeout(Some(READ)).map_err(lost)?;
     stream.set_write_timeout(Some(PATIENCE)).map_err(lost)?;
+    let key = key.map_or_else(String::new, |ApiKey(key)| format!("X-Api-Key: {key}\r\n"));
     let request = format!(
-        "GET {path} HTTP/1.1\r\nHost: {host}:{port}\r\nAccept: application/json\r\nUser-Agent: ferrostep\r\nConnection: close\r\n\r\n"
+        "GET {path} HTTP/1.1\r\nHost: {host}:{port}\r\nAccept: application/json\r\nUser-Agent: ferrostep\r\n{key}Connection: \
+         close\r\n\r\n"
     );
     stream.write_all(request.as_bytes()).map_err(lost)?;
     let begin = Instant::now();

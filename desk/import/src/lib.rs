@@ -32,7 +32,7 @@ mod text;
 
 pub use configuration::{of_running_marlin, of_text, of_text_with, read};
 pub use error::ImportError;
-pub use http::Url;
+pub use http::{ApiKey, Url};
 pub use imported::{Gap, Imported, Row, place};
 pub use includes::Included;
 pub use mark::is_untouched;

@@ -9,7 +9,7 @@ use serde::de::{Deserializer, MapAccess, Visitor};
 use serde_json::Value;
 
 use crate::error::ImportError;
-use crate::http::{self, Answer, Url};
+use crate::http::{self, Answer, ApiKey, Url};
 use crate::imported::Imported;
 use crate::{klipper, klipper_map};
 
@@ -20,9 +20,9 @@ const PATH: &str = "/printer/objects/query?configfile";
 ///
 /// # Errors
 /// The printer does not answer, or not with a configuration; or as [`read`](crate::read).
-pub fn read_moonraker(url: &Url, assume: bool) -> Result<Imported, ImportError> {
+pub fn read_moonraker(url: &Url, key: Option<&ApiKey>, assume: bool) -> Result<Imported, ImportError> {
     let name = url.to_string();
-    let answer = http::get(url, PATH).map_err(|error| ImportError::Read(name.clone(), error))?;
+    let answer = http::get(url, PATH, key).map_err(|error| ImportError::Read(name.clone(), error))?;
     let text = text_of(&answer).map_err(|error| ImportError::Read(name.clone(), error))?;
     of_configfile(&name, &text, assume)
 }
@@ -108,7 +108,7 @@ fn text_of(answer: &Answer) -> Result<String, String> {
         401 | 403 => {
             return Err(format!(
                 "Moonraker wants a login (status {}{said}): add this computer to trusted_clients under [authorization] in \
-                 moonraker.conf, or copy printer.cfg and import the file",
+                 moonraker.conf, give its key with --api-key, or copy printer.cfg and import the file",
                 answer.status
             ));
         }

@@ -131,6 +131,25 @@ fn rows_of_a_running_klipper_name_section_and_key() {
 }
 
 #[test]
+fn a_key_goes_with_the_request() {
+    let (sender, receiver) = std::sync::mpsc::channel();
+    let address = serve(move |stream| {
+        let mut lines = BufReader::new(stream).lines().map_while(Result::ok);
+        let head: Vec<String> = lines.by_ref().take_while(|line| !line.is_empty()).collect();
+        sender.send(head).unwrap();
+    });
+    let url = format!("http://{address}");
+    assert_eq!(import(&["--moonraker", &url, "--api-key", "0a1B"]).status, Some(2));
+    let head = receiver.recv().unwrap();
+    assert!(head.contains(&"X-Api-Key: 0a1B".to_owned()), "{head:?}");
+    for key in ["", "two words", "a\r\nHost: b"] {
+        let outcome = import(&["--moonraker", &url, "--api-key", key]);
+        assert!(outcome.status == Some(2) && outcome.stderr.contains("expected letters and digits"), "{outcome:#?}");
+    }
+    assert_eq!(import(&["printer.cfg", "--api-key", "0a1B"]).status, Some(2));
+}
+
+#[test]
 fn a_klipper_that_says_no_configuration_is_refused_with_the_cure() {
     let delta = configfile("[printer]\nkinematics: delta\n");
     for (answer, expected) in [

@@ -9,7 +9,7 @@ use std::process::ExitCode;
 use ferrostep_host::printable::{name, one_line};
 use ferrostep_host::printer_line::{Address, PrinterLine};
 use ferrostep_host::send::{self, Patience};
-use ferrostep_import::{ImportError, Imported, Row, Url, is_untouched, place};
+use ferrostep_import::{ApiKey, ImportError, Imported, Row, Url, is_untouched, place};
 use ferrostep_session::input;
 use ferrostep_session::output::{Accepted, Output, Protected};
 
@@ -25,8 +25,8 @@ const EXAMPLES: usize = 3;
 pub enum Source {
     /// A file.
     File(PathBuf),
-    /// A running Klipper.
-    Moonraker(Url),
+    /// A running Klipper, and the key that its server wants.
+    Moonraker(Url, Option<ApiKey>),
     /// A running Marlin at a port with a speed, and a file of its configuration.
     Marlin(Address, u32, Option<PathBuf>),
 }
@@ -39,12 +39,13 @@ impl Source {
     pub fn of(
         file: Option<PathBuf>,
         moonraker: Option<Url>,
+        key: Option<ApiKey>,
         marlin: Option<Address>,
         baud: u32,
     ) -> Result<Self, String> {
         match (file, moonraker, marlin) {
             (file, None, Some(address)) => Ok(Self::Marlin(address, baud, file)),
-            (None, Some(url), None) => Ok(Self::Moonraker(url)),
+            (None, Some(url), None) => Ok(Self::Moonraker(url, key)),
             (Some(file), None, None) => Ok(Self::File(file)),
             _ => Err("expected a file, --moonraker or --marlin".to_owned()),
         }
@@ -53,14 +54,17 @@ impl Source {
     fn file(&self) -> Option<&Path> {
         match self {
             Self::File(file) | Self::Marlin(_, _, Some(file)) => Some(file),
-            Self::Moonraker(_) | Self::Marlin(_, _, None) => None,
+            Self::Moonraker(..) | Self::Marlin(_, _, None) => None,
         }
     }
 
     fn import(&self, assume: bool) -> Result<Imported, String> {
         match self {
             Self::File(file) => ferrostep_import::read(file, assume).map_err(|error| self.named(&error)),
-            Self::Moonraker(url) => ferrostep_import::read_moonraker(url, assume).map_err(|error| self.named(&error)),
+            Self::Moonraker(url, key) => {
+                let imported = ferrostep_import::read_moonraker(url, key.as_ref(), assume);
+                imported.map_err(|error| self.named(&error))
+            }
             Self::Marlin(address, baud, file) => {
                 let mut line = PrinterLine::open(address, *baud).map_err(|error| format!("{address}: {error}"))?;
                 let answers = send::ask(&mut line, Patience::DEFAULT, &["M115", "M503"]);
@@ -89,7 +93,7 @@ impl fmt::Display for Source {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::File(file) => out.write_str(&input::name(file)),
-            Self::Moonraker(url) => url.fmt(out),
+            Self::Moonraker(url, _) => url.fmt(out),
             Self::Marlin(address, _, None) => address.fmt(out),
             Self::Marlin(address, _, Some(file)) => write!(out, "{} and {address}", input::name(file)),
         }
