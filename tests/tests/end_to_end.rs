@@ -50,6 +50,8 @@ mod packed;
 mod papers;
 mod pause_times;
 mod pauses;
+#[cfg(unix)]
+mod post_process;
 mod prepared;
 mod prints;
 mod programs;

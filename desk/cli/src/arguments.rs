@@ -4,6 +4,7 @@ mod calibrate;
 mod compare;
 mod job;
 mod papers;
+mod post_process;
 mod send;
 #[cfg(unix)]
 mod serve;
@@ -26,6 +27,7 @@ pub use calibrate::{
 pub use compare::{CompareArguments, ShowArguments, SweepArguments};
 pub use job::{Format, JobArguments};
 pub use papers::PaperName;
+pub use post_process::PostProcessArguments;
 pub use send::{BlackBoxArguments, SendArguments};
 #[cfg(unix)]
 pub use serve::ServeArguments;
@@ -130,6 +132,9 @@ pub enum Command {
         #[arg(long, requires = "error_budget")]
         simulate: bool,
     },
+    /// Writes the print's time into its G-code, where slicers and hosts read it: comments, M73.
+    /// Exit status 0 and one line, as slicers expect of a post-processing script.
+    PostProcess(PostProcessArguments),
     /// Estimates a file's time with other values of the profile's keys: what a higher acceleration would gain, for one.
     Sweep(SweepArguments),
     /// Shows a print as it is executed: prints it on the virtual board and writes one HTML page with the path in 3D, coloured by speed,

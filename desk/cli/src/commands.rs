@@ -8,6 +8,7 @@ pub mod import;
 pub mod inspect;
 pub mod papers;
 pub mod ports;
+pub mod post_process;
 pub mod preprocess;
 pub mod print;
 pub mod send;

@@ -21,7 +21,7 @@ use arguments::{Arguments, Command};
 #[cfg(unix)]
 use commands::serve;
 use commands::{
-    blackbox, calibrate, compare, estimate, import, inspect, papers, ports, preprocess, print, send,
+    blackbox, calibrate, compare, estimate, import, inspect, papers, ports, post_process, preprocess, print, send,
     show, simulate, sweep,
 };
 use terminal::tell;
@@ -56,6 +56,7 @@ fn main() -> ExitCode {
         },
         Command::Estimate { job, error_budget: Some(values), simulate } => sweep::budgets(job, values, simulate),
         Command::Estimate { job, .. } => estimate::run(&job),
+        Command::PostProcess(arguments) => post_process::run(&arguments),
         Command::Sweep(arguments) => sweep::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Show(arguments) => show::run(&arguments),

@@ -1,0 +1,40 @@
+//! `ferrostep post-process`.
+
+use std::process::ExitCode;
+
+use ferrostep_post_process::{Additions, Failure, Options, post_process};
+use ferrostep_session::JobReplies;
+
+use crate::arguments::PostProcessArguments;
+use crate::outcome::{exit_code, result};
+use crate::progress::Progress;
+use crate::protected::{inputs, profile_file};
+
+/// Writes the time of the print into its file.
+pub fn run(arguments: &PostProcessArguments) -> Result<ExitCode, String> {
+    let profile = ferrostep_profiles::load(&arguments.profile).map_err(|error| error.to_string())?;
+    let protected = match arguments.out {
+        Some(_) => inputs(&arguments.file, &arguments.profile),
+        None => profile_file(&arguments.profile).into_iter().collect(),
+    };
+    let options = Options {
+        file: &arguments.file,
+        out: arguments.out.as_deref(),
+        additions: Additions { progress: !arguments.no_m73, mark: arguments.mark.as_deref() },
+        protected: &protected,
+    };
+    let progress = Progress::new();
+    // A slicer shows what its scripts say: only what stops the job.
+    let replies = JobReplies::new(|text: &str| {
+        if text.starts_with("Error:") {
+            progress.say(text);
+        }
+    });
+    let outcome = post_process(&options, profile, replies, |share, done, figures| progress.show(share, done, figures));
+    progress.end();
+    match outcome {
+        Ok(report) => Ok(result(arguments.json.then_some(&report), || format!("{report}\n"))),
+        Err(Failure::Job(reason)) => Ok(exit_code(Err(reason))),
+        Err(Failure::Start(reason)) => Err(reason),
+    }
+}
