@@ -63,28 +63,27 @@ fn seconds(duration: &str) -> f64 {
         .sum()
 }
 
+/// Slices the cube by PrusaSlicer for a machine, with more settings.
+#[track_caller]
+fn slice_by_prusa_slicer(name: &str, more: &str, scratch: &Path) -> PathBuf {
+    let bundle = bundle();
+    // The command takes one flat file of settings: the presets of the window make the same file.
+    let presets = ["print:0.20 mm - Ferrostep", "filament:PLA - Ferrostep", &format!("printer:{name}")]
+        .map(|section| &bundle[section]);
+    let settings: String = presets.into_iter().flatten().map(|(key, value)| format!("{key} = {value}\n")).collect();
+    let (flat, sliced) = (scratch.join("settings.ini"), scratch.join("cube.gcode"));
+    std::fs::write(&flat, settings + more).unwrap();
+    let mut slice = Command::new("prusa-slicer");
+    slice.arg("--load").arg(&flat).arg("--export-gcode").arg("-o").arg(&sliced).arg(folder().join("cube.stl"));
+    run(&mut slice, "prusa-slicer");
+    sliced
+}
+
 #[test]
 fn prusa_slicer_slices_a_cube_for_every_machine_and_it_prints() {
-    let bundle = bundle();
     let scratch = scratch();
     for (name, _, profile) in MACHINES {
-        // The command takes one flat file of settings: the presets of the window
-        // make the same file.
-        let presets = ["print:0.20 mm - Ferrostep", "filament:PLA - Ferrostep", &format!("printer:{name}")]
-            .map(|section| &bundle[section]);
-        let settings: String = presets.into_iter().flatten().map(|(key, value)| format!("{key} = {value}\n")).collect();
-        let (flat, sliced) = (scratch.path().join("settings.ini"), scratch.path().join("cube.gcode"));
-        std::fs::write(&flat, settings).unwrap();
-        run(
-            Command::new("prusa-slicer")
-                .arg("--load")
-                .arg(&flat)
-                .arg("--export-gcode")
-                .arg("-o")
-                .arg(&sliced)
-                .arg(folder().join("cube.stl")),
-            "prusa-slicer",
-        );
+        let sliced = slice_by_prusa_slicer(name, "", scratch.path());
         let result = print(&sliced, profile);
         let text = std::fs::read_to_string(&sliced).unwrap();
         // The purge line of the start code, 21.5 mm of filament, is not in the slicer's figure.
@@ -96,6 +95,31 @@ fn prusa_slicer_slices_a_cube_for_every_machine_and_it_prints() {
         let (ours_s, estimate_s) = (result["motion_time_s"].as_f64().unwrap(), seconds(estimate));
         assert!((ours_s / estimate_s - 1.0).abs() < 0.1, "{name}: {ours_s} s, the slicer {estimate_s}");
     }
+}
+
+/// PrusaSlicer calls `post-process` as its script: the file has the print's time, and the same
+/// steps.
+#[test]
+fn prusa_slicer_has_the_time_written_into_its_file() {
+    let (corrected_in, sliced_in) = (scratch(), scratch());
+    let (name, _, profile) = MACHINES[0];
+    let script = format!("post_process = {} post-process --profile {profile}\n", program().display());
+    let corrected = slice_by_prusa_slicer(name, &script, corrected_in.path());
+    let sliced = slice_by_prusa_slicer(name, "", sliced_in.path());
+    let result = print(&corrected, profile);
+    assert_eq!(result["step_digest"], print(&sliced, profile)["step_digest"]);
+    let [text, before] = [&corrected, &sliced].map(|file| std::fs::read_to_string(file).unwrap());
+    let estimate = |text: &str| {
+        let rest = text.split_once("; estimated printing time (normal mode) = ").unwrap().1;
+        seconds(rest.lines().next().unwrap())
+    };
+    let ours_s = result["print_time_s"].as_f64().unwrap();
+    // Heaters at rest keep their temperature in an estimate, which can take seconds less.
+    assert!((estimate(&text) - ours_s).abs() <= 5.0, "{} s, expected {ours_s} s", estimate(&text));
+    assert!((estimate(&before) - ours_s).abs() > 5.0, "the slicer's own time is another one");
+    let minutes =
+        |text: &str| text.lines().find_map(|line| line.strip_prefix("M73 P0 R")?.parse::<f64>().ok()).unwrap();
+    assert!((minutes(&text) - ours_s / 60.0).abs() <= 0.6, "{}", minutes(&text));
 }
 
 /// The folder above Cura's definitions: that of `FERROSTEP_CURA`, or the one of Debian's package.
