@@ -322,3 +322,12 @@ fn sectors_wear_alike() {
         assert_eq!(head, (number + 1).to_le_bytes());
     }
 }
+
+#[test]
+fn an_erasure_leaves_the_bytes_beside_it() {
+    let chip = RefCell::new(Chip::new(vec![0; BYTES]));
+    with(&chip, |eeprom| eeprom.erase(1024, 2048)).unwrap();
+    let chip = chip.borrow();
+    assert!(chip.bytes[1024..2048].iter().all(|byte| *byte == 0xff));
+    assert!(chip.bytes[..1024].iter().chain(&chip.bytes[2048..]).all(|byte| *byte == 0));
+}

@@ -261,3 +261,14 @@ fn a_truncated_frame_says_so() {
     let longer = [&bytes[..], &[0]].concat();
     assert_eq!(Frame::read(&longer, 0, None).unwrap_err().fault, Fault::Trailing);
 }
+
+#[test]
+fn the_longest_frame_is_read_and_a_longer_one_refused() {
+    let head = |payload: usize| {
+        let [low, high] = (payload as u16).to_le_bytes();
+        [0xa7, 0x5d, low, high, 0, 0, 0, 0]
+    };
+    let longest = MAX_FRAME_BYTES - frame_length(&head(0)).unwrap();
+    assert_eq!(frame_length(&head(longest)), Ok(MAX_FRAME_BYTES));
+    assert_eq!(frame_length(&head(longest + 1)), Err(Fault::Length { length: longest as u32 + 1 }));
+}

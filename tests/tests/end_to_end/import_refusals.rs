@@ -34,6 +34,12 @@ fn what_is_no_configuration_of_a_known_machine_is_refused_by_name() {
     let outcome: Outcome = ferrostep(["import".as_ref(), config.as_os_str(), "-o".as_ref(), out.as_os_str()]);
     assert_eq!((outcome.status, out.exists()), (Some(2), false), "{outcome:#?}");
     assert_eq!(outcome.stderr.matches("printer.cfg").count(), 1, "the file is named once: {outcome:#?}");
+    for mark in [[0xff, 0xfe], [0xfe, 0xff]] {
+        let wide = file(&directory, "wide.cfg", [mark, *b"[\0"].concat());
+        let outcome = ferrostep(["import".as_ref(), wide.as_os_str()]);
+        assert_eq!(outcome.status, Some(2), "{outcome:#?}");
+        assert!(outcome.stderr.contains("this is UTF-16 text: save it as UTF-8"), "{outcome:#?}");
+    }
     let missing = ferrostep(["import", "no-such.cfg"]);
     assert!(missing.stderr.contains("no-such.cfg: cannot be read"), "{missing:#?}");
 }

@@ -128,4 +128,6 @@ fn the_watch_may_be_changed_but_not_away() {
             line("residency_window_celsius = 1")
         )
     );
+    let widest = text().replacen("residency_window_celsius = 1", "residency_window_celsius = 4", 1);
+    assert_eq!(parse(&widest, "test.toml").unwrap().nozzle.residency_window_celsius, 4.0);
 }
