@@ -5,6 +5,7 @@
 //! |---|---|
 //! | `firmware` | the boards' images, which `cargo xtask firmware` builds |
 //! | `hosts` | Python with OctoPrint and printcore, which `cargo xtask hosts` installs |
+//! | `wheel` | Python with maturin, which `cargo xtask hosts` installs, and cargo |
 //! | `browser` | Chromium, and Python's driver for it |
 //! | `slicers` | PrusaSlicer, CuraEngine, Cura's definitions |
 //! | `shells` | bash, groff |
@@ -16,3 +17,4 @@ mod hosts;
 mod mtools;
 mod shells;
 mod slicers;
+mod wheel;
