@@ -8,4 +8,5 @@
 
 mod moonraker;
 mod octoprint;
+mod octoprint_estimates;
 mod printcore;
