@@ -1,8 +1,12 @@
 //! A release: a folder with all files that users get and need to check them.
 //!
-//! Images of all boards, the `ferrostep` command for this machine with its completions and manual
-//! pages, an archive of these, a parts list (SBOM, CycloneDX) and the notices of others for each,
-//! the licence texts, this version's part of the changelog, and the SHA-256 of every file.
+//! Images of all boards, the `ferrostep` command for this machine with its completions and manual pages, an archive of
+//! these, a parts list (SBOM, CycloneDX) and the notices of others for each, the licence texts, this version's part of
+//! the changelog, and the SHA-256 of every file. On request the command for other systems, as wheels and archives, and the
+//! recipes of package managers.
+
+mod recipes;
+mod systems;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -24,6 +28,13 @@ pub struct Options {
     /// `vVERSION`, or the list of known vulnerabilities cannot be read
     #[arg(long)]
     trial: bool,
+    /// Builds the command for Linux on x86-64 and ARM and for Windows, as wheels for pip and as archives
+    #[arg(long)]
+    wheels: bool,
+    /// The public address below which the release will be, for the recipes of Homebrew and the AUR; Cargo.toml's `repository` by
+    /// default, without which none are written
+    #[arg(long, value_name = "URL", requires = "wheels", default_value = env!("CARGO_PKG_REPOSITORY"))]
+    repository: String,
 }
 
 /// Files of the sources that are copied unchanged.
@@ -76,7 +87,18 @@ pub fn write(run: &mut Run, options: &Options) -> Result<(), Failure> {
     })?;
     run.step("parts lists", || parts_lists(&folder))?;
     run.step("notices", || notices(&folder))?;
-    run.step("archive", || write_archive(&folder, version))?;
+    if options.wheels {
+        systems::write_wheels(run, &folder)?;
+        run.step("archives", || {
+            systems::SYSTEMS.iter().try_for_each(|one| write_archive(&folder, version, one.triple, &one.path()))
+        })?;
+        run.step("recipes", || write_recipes(&folder, version, &options.repository))?;
+    } else {
+        run.step("archive", || {
+            let triple = format!("{}-unknown-linux-gnu", std::env::consts::ARCH);
+            write_archive(&folder, version, &triple, &folder.join("ferrostep"))
+        })?;
+    }
     run.step("checksums", || write_file(&folder.join(CHECKSUMS), &checksums(&folder)?))?;
     println!("{}", folder.display());
     Ok(())
@@ -100,26 +122,22 @@ fn write_manual(program: &Path, folder: &Path) -> Result<(), Failure> {
     system::run(Command::new(program).args(["man", "-o"]).arg(make_folder("man")?))
 }
 
-/// Files of a release that belong to the desktop tool, and go into its archive.
-const TOOL: [&str; 8] = [
-    "ferrostep",
-    "completions",
-    "man",
-    "LICENSE-APACHE",
-    "LICENSE-MIT",
-    "NOTICES-cli.md",
-    "CHANGES.md",
-    "ferrostep-cli.cdx.json",
-];
+/// Files of a release that go into an archive beside the command.
+const BESIDE_THE_COMMAND: [&str; 7] =
+    ["completions", "man", "LICENSE-APACHE", "LICENSE-MIT", "NOTICES-cli.md", "CHANGES.md", "ferrostep-cli.cdx.json"];
 
-/// Packs the desktop tool with its completions, pages, licences and notices, the same bytes each
-/// time: by tar and gzip, if they are GNU's.
-fn write_archive(folder: &Path, version: &str) -> Result<(), Failure> {
+/// Packs a system's command with the completions, pages, licences and notices, the same bytes each time: by tar and gzip, if
+/// they are GNU's.
+fn write_archive(folder: &Path, version: &str, triple: &str, program: &Path) -> Result<(), Failure> {
     if !cfg!(target_os = "linux") {
         eprintln!("    an archive is made on Linux only");
         return Ok(());
     }
-    let name = format!("ferrostep-{version}-{}-linux", std::env::consts::ARCH);
+    let archive = recipes::archive(version, triple);
+    let name = archive.strip_suffix(".tar.gz").unwrap_or(&archive);
+    let (Some(from), Some(file)) = (program.parent(), program.file_name()) else {
+        return Err(format!("{}: not the path of a program", program.display()));
+    };
     let mut tar = Command::new("tar");
     tar.args([
         "--sort=name",
@@ -129,8 +147,17 @@ fn write_archive(folder: &Path, version: &str) -> Result<(), Failure> {
         "--mtime=@0",
         "--use-compress-program=gzip -n -9",
     ]);
-    tar.arg(format!("--transform=s,^,{name}/,")).arg("-cf").arg(folder.join(format!("{name}.tar.gz")));
-    system::run(tar.arg("-C").arg(folder).args(TOOL))
+    tar.arg(format!("--transform=s,^,{name}/,")).arg("-cf").arg(folder.join(&archive));
+    system::run(tar.arg("-C").arg(from).arg(file).arg("-C").arg(folder).args(BESIDE_THE_COMMAND))
+}
+
+/// Writes the recipes of package managers, if the release has a public address.
+fn write_recipes(folder: &Path, version: &str, repository: &str) -> Result<(), Failure> {
+    if repository.is_empty() {
+        eprintln!("    none: Cargo.toml has no `repository` yet, and --repository URL is not given");
+        return Ok(());
+    }
+    recipes::write(folder, version, repository)
 }
 
 /// Checks that the sources are those of the commit that is tagged as this version.
@@ -250,12 +277,17 @@ fn notices(folder: &Path) -> Result<(), Failure> {
 fn checksums(folder: &Path) -> Result<String, Failure> {
     let mut lines = Vec::new();
     for file in files(folder)? {
-        let bytes = fs::read(&file).map_err(|error| format!("{}: {error}", file.display()))?;
-        let digest: String = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        let digest = digest_of(&file)?;
         let name = file.strip_prefix(folder).unwrap_or(&file).display().to_string().replace('\\', "/");
         lines.push(format!("{digest}  {name}\n"));
     }
     Ok(lines.concat())
+}
+
+/// SHA-256 of a file.
+fn digest_of(file: &Path) -> Result<String, Failure> {
+    let bytes = fs::read(file).map_err(|error| format!("{}: {error}", file.display()))?;
+    Ok(Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
 /// All files in a folder and its subfolders, in the order of their paths.
@@ -312,6 +344,14 @@ mod tests {
     fn this_version_has_its_part_of_the_changelog() {
         let changelog = read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../CHANGELOG.md")).unwrap();
         assert!(!changes_of(env!("CARGO_PKG_VERSION"), &changelog).unwrap().is_empty());
+    }
+
+    /// The plug-in is given on by itself, and its manifest knows no workspace.
+    #[test]
+    fn the_plug_in_has_this_version() {
+        let project = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../desk/plugins/octoprint/pyproject.toml");
+        let project: toml::Table = read(&project).unwrap().parse().unwrap();
+        assert_eq!(project["project"]["version"].as_str(), Some(env!("CARGO_PKG_VERSION")));
     }
 
     #[test]
