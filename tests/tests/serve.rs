@@ -10,3 +10,4 @@ mod conversation;
 mod page;
 mod sending;
 mod settings;
+mod slicer;

@@ -9,6 +9,8 @@ pub struct Answer {
     pub status: u16,
     kind: &'static str,
     policy: Option<&'static str>,
+    /// The address of what was made.
+    location: Option<String>,
     body: Vec<u8>,
 }
 
@@ -17,7 +19,7 @@ impl Answer {
     pub fn text(status: u16, text: impl Into<String>) -> Self {
         let mut text = text.into();
         text.push('\n');
-        Self { status, kind: "text/plain; charset=utf-8", policy: None, body: text.into_bytes() }
+        Self { status, kind: "text/plain; charset=utf-8", policy: None, location: None, body: text.into_bytes() }
     }
 
     /// Done.
@@ -27,12 +29,18 @@ impl Answer {
 
     /// Data.
     pub const fn json(body: Vec<u8>) -> Self {
-        Self { status: 200, kind: "application/json", policy: None, body }
+        Self { status: 200, kind: "application/json", policy: None, location: None, body }
+    }
+
+    /// Something was made: data about it, and its address, which has no control characters.
+    pub const fn created(body: Vec<u8>, location: String) -> Self {
+        Self { status: 201, kind: "application/json", policy: None, location: Some(location), body }
     }
 
     /// The page, with the policy of what it may load.
     pub fn page(page: &'static str, policy: &'static str) -> Self {
-        Self { status: 200, kind: "text/html; charset=utf-8", policy: Some(policy), body: page.as_bytes().to_vec() }
+        let body = page.as_bytes().to_vec();
+        Self { status: 200, kind: "text/html; charset=utf-8", policy: Some(policy), location: None, body }
     }
 
     /// Writes it. The connection ends with it.
@@ -42,8 +50,9 @@ impl Answer {
     pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
         let (status, reason) = (self.status, reason(self.status));
         let policy = self.policy.unwrap_or("default-src 'none'; frame-ancestors 'none'");
+        let location = self.location.as_ref().map_or_else(String::new, |location| format!("Location: {location}\r\n"));
         let head = format!(
-            "HTTP/1.1 {status} {reason}\r\nContent-Type: {}\r\nContent-Length: {}\r\nConnection: close\r\nCache-Control: no-store\r\n\
+            "HTTP/1.1 {status} {reason}\r\n{location}Content-Type: {}\r\nContent-Length: {}\r\nConnection: close\r\nCache-Control: no-store\r\n\
              Content-Security-Policy: {policy}\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n\
              Cross-Origin-Resource-Policy: same-origin\r\n\r\n",
             self.kind,
@@ -59,6 +68,7 @@ impl Answer {
 const fn reason(status: u16) -> &'static str {
     match status {
         200 => "OK",
+        201 => "Created",
         400 => "Bad Request",
         401 => "Unauthorized",
         403 => "Forbidden",

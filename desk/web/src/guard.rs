@@ -1,4 +1,4 @@
-//! Who may speak to the printer: the token, and the names by which the server is called.
+//! Who may speak to the printer: the token, the slicers' key, and the names by which the server is called.
 
 use std::fmt;
 use std::fmt::Write;
@@ -9,7 +9,10 @@ use sha2::{Digest, Sha256};
 /// Random bytes of a token.
 const TOKEN_BYTES: usize = 16;
 
-/// The secret of a server's page. Whoever has it controls the printer.
+/// Shortest and longest key that a person chooses.
+const KEY_CHARACTERS: std::ops::RangeInclusive<usize> = 8..=128;
+
+/// A secret of the server: its page's, new each time, or the key of slicers. Whoever has it controls the printer.
 #[derive(Clone)]
 pub struct Token(String);
 
@@ -28,6 +31,18 @@ impl Token {
             let _ = write!(text, "{byte:02x}");
         }
         Ok(Self(text))
+    }
+
+    /// A key that a person has chosen.
+    ///
+    /// # Errors
+    /// It is too short, too long, or cannot be sent in a header.
+    pub fn chosen(key: &str) -> Result<Self, String> {
+        if KEY_CHARACTERS.contains(&key.len()) && key.bytes().all(|byte| byte.is_ascii_graphic()) {
+            return Ok(Self(key.to_owned()));
+        }
+        let (shortest, longest) = KEY_CHARACTERS.into_inner();
+        Err(format!("a key has {shortest} to {longest} characters: letters, digits and signs, no spaces"))
     }
 
     /// Returns its text, for the page's address.
@@ -65,13 +80,11 @@ impl Names {
     }
 
     /// Returns true if a `Host` header means this server: `localhost` or a loopback address with its port; if it is
-    /// bound to another address, that one or, bound to all of them, any address, but no other name.
+    /// bound to another address, that one or, bound to all of them, any address, but no other name. PrusaSlicer leaves the
+    /// port out on Windows.
     pub fn is_host(&self, host: &str) -> bool {
-        let (name, port) = match host.rsplit_once(':') {
-            Some((name, port)) if !port.ends_with(']') => (name, port.parse().ok()),
-            _ => (host, Some(80)),
-        };
-        if port != Some(self.bound.port()) {
+        let (name, port) = split(host);
+        if port.is_some_and(|port| port.parse() != Ok(self.bound.port())) {
             return false;
         }
         if name.eq_ignore_ascii_case("localhost") {
@@ -85,7 +98,17 @@ impl Names {
 
     /// Returns true if an `Origin` header is that of this server's own page.
     pub fn is_origin(&self, origin: &str) -> bool {
-        origin.strip_prefix("http://").is_some_and(|host| self.is_host(host))
+        let is_own_port =
+            |host| split(host).1.map_or(self.bound.port() == 80, |port| port.parse() == Ok(self.bound.port()));
+        origin.strip_prefix("http://").is_some_and(|host| self.is_host(host) && is_own_port(host))
+    }
+}
+
+/// A host's name and its port, if it names one.
+fn split(host: &str) -> (&str, Option<&str>) {
+    match host.rsplit_once(':') {
+        Some((name, port)) if !port.ends_with(']') => (name, Some(port)),
+        _ => (host, None),
     }
 }
 
@@ -108,20 +131,18 @@ mod tests {
     #[test]
     fn a_server_on_loopback_has_loopback_names_only() {
         let names = Names::new("127.0.0.1:8790".parse().unwrap());
-        for host in ["127.0.0.1:8790", "localhost:8790", "LOCALHOST:8790", "[::1]:8790"] {
+        for host in ["127.0.0.1:8790", "localhost:8790", "LOCALHOST:8790", "[::1]:8790", "localhost", "[::1]"] {
             assert!(names.is_host(host), "{host}");
         }
         for host in [
             "",
-            "127.0.0.1",
-            "localhost",
+            "evil.example",
             "127.0.0.1:80",
             "evil.example:8790",
             "localhost.evil.example:8790",
             "192.168.1.5:8790",
             "127.0.0.1:8790.evil.example",
             "127.0.0.1:",
-            "[::1]",
             "::1",
             "127.0.0.1:8790 ",
             "a@127.0.0.1:8790",
@@ -129,9 +150,15 @@ mod tests {
             assert!(!names.is_host(host), "{host}");
         }
         assert!(names.is_origin("http://localhost:8790"));
-        for origin in
-            ["null", "https://localhost:8790", "http://evil.example", "http://localhost:8791", "localhost:8790", ""]
-        {
+        for origin in [
+            "null",
+            "https://localhost:8790",
+            "http://localhost",
+            "http://evil.example",
+            "http://localhost:8791",
+            "localhost:8790",
+            "",
+        ] {
             assert!(!names.is_origin(origin), "{origin}");
         }
     }
@@ -143,5 +170,14 @@ mod tests {
         assert!(!names.is_host("printer.local:8790"));
         let names = Names::new("192.168.1.5:80".parse().unwrap());
         assert!(names.is_host("192.168.1.5") && !names.is_host("192.168.1.6"));
+        assert!(names.is_origin("http://192.168.1.5"));
+    }
+
+    #[test]
+    fn a_key_can_be_sent_in_a_header() {
+        assert!(Token::chosen("correct-horse").unwrap().is(b"correct-horse"));
+        for key in ["", "short", "with a space", "line\nbreak", "sch\u{fc}ssel-lang", &"k".repeat(129)] {
+            assert!(Token::chosen(key).is_err(), "{key}");
+        }
     }
 }

@@ -6,12 +6,14 @@
 mod answer;
 mod console;
 mod deadline;
+mod form;
 mod guard;
 mod page;
 mod printer;
 mod request;
 mod routes;
 mod server;
+mod slicer;
 mod upload;
 
 pub use console::{Console, ConsoleLine, Speaker};

@@ -28,6 +28,10 @@ pub struct Request {
     pub fetch_site: Option<String>,
     /// The token of `Authorization: Bearer TOKEN`.
     pub token: Option<String>,
+    /// `X-Api-Key`: the key of a slicer.
+    pub key: Option<String>,
+    /// `Content-Type`.
+    pub content_type: Option<String>,
     /// `Content-Length`.
     pub length: Option<u64>,
     /// `X-Name`: the name of an uploaded file, percent-encoded.
@@ -110,6 +114,8 @@ impl Request {
             "origin" => set(&mut self.origin, text()?),
             "sec-fetch-site" => set(&mut self.fetch_site, text()?),
             "x-name" => set(&mut self.name, text()?),
+            "x-api-key" => set(&mut self.key, text()?),
+            "content-type" => set(&mut self.content_type, text()?),
             "authorization" => {
                 let value = text()?;
                 let token = value.strip_prefix("Bearer ").unwrap_or_default().to_owned();

@@ -2,7 +2,7 @@
 
 use std::io::Read;
 use std::net::TcpStream;
-use std::sync::{Mutex, TryLockError};
+use std::sync::{Mutex, MutexGuard, TryLockError};
 use std::time::Duration;
 
 use serde::Serialize;
@@ -24,6 +24,8 @@ const MAX_LINE_BYTES: u64 = 256;
 pub struct Room<P> {
     pub printer: P,
     pub token: Token,
+    /// The key of slicers, if a person has chosen one.
+    pub key: Option<Token>,
     pub names: Names,
     pub limits: Limits,
     /// Held while a file comes: one at a time.
@@ -61,14 +63,17 @@ impl<P: Printer> Room<P> {
                 Err(Answer::text(405, "the page is only read (GET)"))
             };
         }
+        if request.fetch_site.as_deref().is_some_and(|site| site != "same-origin" && site != "none") {
+            return Err(Answer::text(403, "a page of another site asks: refused"));
+        }
+        if let Some(path) = path.strip_prefix("/api/") {
+            return self.slicer(request, path, stream);
+        }
         if !request.token.as_deref().is_some_and(|token| self.token.is(token.as_bytes())) {
             return Err(Answer::text(
                 401,
                 "the token is missing or wrong: open the address that `ferrostep serve` has printed, up to its end",
             ));
-        }
-        if request.fetch_site.as_deref().is_some_and(|site| site != "same-origin" && site != "none") {
-            return Err(Answer::text(403, "a page of another site asks: refused"));
         }
         match (method, path) {
             ("GET", "/state") => self.look(request.number("after").unwrap_or(0)),
@@ -112,7 +117,18 @@ impl<P: Printer> Room<P> {
         if length == 0 {
             return Err(Answer::text(400, "the file is empty"));
         }
-        let _alone = match self.upload.try_lock() {
+        let _alone = self.begin_upload()?;
+        let mut body = body(request, stream, length, self.limits.upload)?;
+        let upload = upload::receive(&mut body, length, request.name.as_deref())?;
+        done(self.printer.upload(upload))
+    }
+
+    /// Begins an upload, if the printer would take it: no other one is under way while the result is kept.
+    ///
+    /// # Errors
+    /// Another file comes, or one is being printed.
+    pub fn begin_upload(&self) -> Result<MutexGuard<'_, ()>, Answer> {
+        let alone = match self.upload.try_lock() {
             Ok(alone) => alone,
             Err(TryLockError::Poisoned(alone)) => alone.into_inner(),
             Err(TryLockError::WouldBlock) => {
@@ -120,13 +136,12 @@ impl<P: Printer> Room<P> {
             }
         };
         refused(self.printer.may_upload())?;
-        let mut body = body(request, stream, length, self.limits.upload)?;
-        let upload = upload::receive(&mut body, length, request.name.as_deref())?;
-        done(self.printer.upload(upload))
+        Ok(alone)
     }
 }
 
-fn refused(outcome: Result<(), Refusal>) -> Result<(), Answer> {
+/// The answer to a printer's refusal.
+pub fn refused(outcome: Result<(), Refusal>) -> Result<(), Answer> {
     outcome.map_err(|refusal| Answer::text(409, refusal.0))
 }
 
@@ -135,7 +150,7 @@ fn done(outcome: Result<(), Refusal>) -> Result<Answer, Answer> {
 }
 
 /// The length of a request's body, within a limit.
-fn length(request: &Request, limit: u64, what: &str) -> Result<u64, Answer> {
+pub fn length(request: &Request, limit: u64, what: &str) -> Result<u64, Answer> {
     let length = request.length.ok_or_else(|| Answer::text(411, "Content-Length is missing"))?;
     if length > limit {
         return Err(Answer::text(413, format!("{what} may have {limit} bytes, this one has {length}")));
@@ -144,12 +159,12 @@ fn length(request: &Request, limit: u64, what: &str) -> Result<u64, Answer> {
 }
 
 /// The body of a request, for this long at most.
-fn body<'a>(
+pub fn body<'a>(
     request: &'a Request,
     stream: &'a TcpStream,
     length: u64,
     time: Duration,
-) -> Result<impl Read + 'a, Answer> {
+) -> Result<impl Read + Send + 'a, Answer> {
     let mut rest = Deadline::new(stream, time);
     if request.expects_continue {
         let go_on = std::io::Write::write_all(&mut rest, b"HTTP/1.1 100 Continue\r\n\r\n");

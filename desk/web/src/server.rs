@@ -56,11 +56,17 @@ pub struct Server {
 }
 
 impl Server {
-    /// Serves a printer's page at an address; port 0 takes a free one.
+    /// Serves a printer's page at an address; port 0 takes a free one. `key`: the key of slicers; without it those of this
+    /// computer need none, and others are refused.
     ///
     /// # Errors
     /// The address is in use or not this computer's.
-    pub fn start(address: SocketAddr, printer: impl Printer, limits: Limits) -> Result<Self, String> {
+    pub fn start(
+        address: SocketAddr,
+        printer: impl Printer,
+        limits: Limits,
+        key: Option<Token>,
+    ) -> Result<Self, String> {
         let bind = || -> io::Result<(TcpListener, SocketAddr)> {
             let listener = TcpListener::bind(address)?;
             let bound = listener.local_addr()?;
@@ -73,8 +79,8 @@ impl Server {
             _ => format!("--web {address}: {error}; write an address of this computer, such as 127.0.0.1:8790"),
         })?;
         let token = Token::random()?;
-        let room =
-            Arc::new(Room { printer, token: token.clone(), names: Names::new(bound), limits, upload: Mutex::new(()) });
+        let (names, upload) = (Names::new(bound), Mutex::new(()));
+        let room = Arc::new(Room { printer, token: token.clone(), key, names, limits, upload });
         let ends = Arc::new(AtomicBool::new(false));
         let ended = Arc::clone(&ends);
         let thread = thread::Builder::new().name("web".to_owned()).spawn(move || accept(&listener, &room, &ended));

@@ -79,7 +79,7 @@ const SHORT: Limits = Limits {
 
 fn serve(limits: Limits) -> (Server, &'static Noting) {
     let printer: &'static Noting = Box::leak(Box::default());
-    (Server::start("127.0.0.1:0".parse().unwrap(), printer, limits).unwrap(), printer)
+    (Server::start("127.0.0.1:0".parse().unwrap(), printer, limits, None).unwrap(), printer)
 }
 
 /// The whole answer; empty if the connection is closed without one.

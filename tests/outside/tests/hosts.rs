@@ -10,3 +10,4 @@ mod moonraker;
 mod octoprint;
 mod octoprint_estimates;
 mod printcore;
+mod slicer_client;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use ferrostep_host::printer_line::Address;
 use ferrostep_session::serve::{Fault, Speed};
+use ferrostep_web::Token;
 
 use super::values::web_address;
 
@@ -30,7 +31,11 @@ pub struct ServeArguments {
     /// address with a secret token is printed at the start.
     #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:8790", value_parser = web_address)]
     pub web: Option<SocketAddr>,
-    /// Largest file that the page uploads, MiB.
+    /// The key of slicers that send files, as they send them to OctoPrint: 8 to 128 letters, digits and signs. Without it slicers on
+    /// this computer need none, and others are refused.
+    #[arg(long, value_name = "KEY", requires = "web", value_parser = Token::chosen)]
+    pub key: Option<Token>,
+    /// Largest file that the page or a slicer uploads, MiB.
     #[arg(long, value_name = "MIB", default_value_t = 256, value_parser = clap::value_parser!(u64).range(1..=65_536), requires = "web")]
     pub web_upload: u64,
     /// Puts the page in front of a printer at this port instead of a virtual one: its serial port, or tcp:HOST:PORT.

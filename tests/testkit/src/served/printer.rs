@@ -61,6 +61,16 @@ impl Printer {
         Self::start(folder, PathBuf::new(), &["--web", "127.0.0.1:0"].map(str::to_owned), arguments)
     }
 
+    /// Switches a printer on whose only host is the page, with this folder for temporary files.
+    ///
+    /// # Panics
+    /// The printer does not start.
+    pub fn with_temporary_folder(temporary: &Path, arguments: &[&str]) -> Self {
+        let line = ["serve", "--web", "127.0.0.1:0", "--json"];
+        let mut serve = Command::new(program());
+        Self::run(scratch(), PathBuf::new(), serve.args(line).args(arguments).env("TMPDIR", temporary))
+    }
+
     /// A page in front of a printer's port.
     ///
     /// # Panics

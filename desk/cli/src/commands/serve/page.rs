@@ -18,11 +18,13 @@ use crate::terminal::tell;
 
 fn start(arguments: &ServeArguments, address: SocketAddr, host: &Arc<PageHost>) -> Result<Server, String> {
     let limits = Limits { upload_bytes: arguments.web_upload.saturating_mul(1024 * 1024), ..Limits::default() };
-    Server::start(address, PageSide(Arc::clone(host)), limits)
+    Server::start(address, PageSide(Arc::clone(host)), limits, arguments.key.clone())
 }
 
-fn announce(server: &Server) {
+fn announce(server: &Server, has_key: bool) {
     tell(format_args!("page: {}", server.url()));
+    let key = if has_key { "with the key of --key" } else { "without a key, from this computer only (others: --key)" };
+    tell(format_args!("slicers: host type OctoPrint, address http://{}, {key}", server.address()));
     if server.address().ip().is_unspecified() {
         tell(format_args!(
             "note: at other computers, write this computer's address in place of {}",
@@ -51,7 +53,7 @@ pub fn before_a_port(
     let host = PageHost::new(setup);
     let server = start(arguments, address, &host)?;
     tell(format_args!("page in front of {port}; Ctrl-C ends it"));
-    announce(&server);
+    announce(&server, arguments.key.is_some());
     let connect = || PrinterLine::open(port, arguments.baud).map_err(|error| format!("{port}: {error}; trying again"));
     page_host::run(&host, connect, || ends.load(Ordering::Relaxed));
     host.forget_job();
@@ -65,6 +67,7 @@ pub fn before_a_port(
 pub struct VirtualPage {
     host: Arc<PageHost>,
     server: Option<Server>,
+    has_key: bool,
     driver: Option<JoinHandle<()>>,
     ends: Arc<AtomicBool>,
 }
@@ -93,7 +96,9 @@ impl VirtualPage {
         let driver = driver.spawn(move || page_host::run(&driven, connect, || ended.load(Ordering::Relaxed)));
         let driver = driver.map_err(|error| format!("no thread for the page: {error}"))?;
         let page_line = PageLine::new(line, host.ownership());
-        Ok((Self { host, server: Some(server), driver: Some(driver), ends: Arc::clone(ends) }, page_line))
+        let (server, driver) = (Some(server), Some(driver));
+        let has_key = arguments.key.is_some();
+        Ok((Self { host, server, has_key, driver, ends: Arc::clone(ends) }, page_line))
     }
 
     /// Its address.
@@ -103,7 +108,7 @@ impl VirtualPage {
 
     /// Tells a person where it is.
     pub fn announce(&self) {
-        self.server.iter().for_each(announce);
+        self.server.iter().for_each(|server| announce(server, self.has_key));
     }
 
     /// Shows the board's state.
