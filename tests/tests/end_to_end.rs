@@ -22,6 +22,7 @@ mod extrusion;
 mod fans;
 mod fault_matrix;
 mod filament_motion;
+mod first_use;
 mod hazards;
 mod heater_faults;
 mod homing_places;

@@ -3,6 +3,7 @@
 mod arguments;
 mod browser;
 mod commands;
+mod guide;
 mod job;
 mod manual;
 mod outcome;
@@ -27,6 +28,9 @@ use commands::{
 use terminal::tell;
 
 fn main() -> ExitCode {
+    if std::env::args_os().nth(1).is_none() {
+        return guide::show();
+    }
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(answer) => return outcome::of_arguments(&answer),
