@@ -47,6 +47,22 @@ def main():
         page.wait_for_selector("#message:not([hidden])")
         seen["refused"] = page.locator("#message").inner_text()
 
+        # By hand: home, move, and filament in a cold nozzle.
+        page.click("#hand button:text-is('Home')")
+        page.wait_for_selector("#x:text-is('0.00')")
+        page.select_option("#step", "50")
+        page.click("#hand button:text-is('X+')")
+        page.wait_for_selector("#x:text-is('50.00')")
+        page.click("#hand button:text-is('Push')")
+        page.wait_for_selector("#message:has-text('heat it first')")
+        seen["cold"] = page.locator("#message").inner_text()
+        page.click("#preheat")
+        page.wait_for_selector("#nozzle:has-text('/ 215')")
+        if "FERROSTEP_PICTURES" in os.environ:
+            page.screenshot(path=os.path.join(os.environ["FERROSTEP_PICTURES"], "hand.png"), full_page=True)
+        page.click("#hand [data-control*='\"nozzle_celsius\":0']")
+        page.wait_for_selector("#activity:text-is('Ready')")
+
         job = b"G28\nM140 S50\n" + b"G1 X10 F6000\nG1 X90\n" * 100_000
         page.set_input_files("#upload", {"name": "<b>long.gcode", "mimeType": "text/plain", "buffer": job})
         page.wait_for_selector("#file:has-text('<b>long.gcode (')")
@@ -57,6 +73,8 @@ def main():
         seen["bed"] = page.locator("#bed").inner_text()
         if "FERROSTEP_PICTURES" in os.environ:
             page.screenshot(path=os.path.join(os.environ["FERROSTEP_PICTURES"], "web.png"))
+        page.click("#hand button:text-is('Home')")
+        page.wait_for_selector("#message:has-text('a file is being printed')")
         page.click("#resume")
         page.wait_for_selector("#activity:text-is('Printing')")
         page.click("#cancel")

@@ -5,6 +5,7 @@
 
 mod accelerometer;
 mod black_box;
+mod by_hand;
 mod card;
 mod conversation;
 mod page;

@@ -219,6 +219,21 @@
   document.addEventListener('keydown', (event) => {
     if (event.key === 'Escape' && event.ctrlKey) wish('/stop');
   });
+  // A press of one unit, times the length that is chosen beside it.
+  const lengths = { jog: 'step', filament: 'length' };
+  const control = (wanted) => wish('/control', JSON.stringify(wanted));
+  for (const button of document.querySelectorAll('[data-control]')) {
+    button.addEventListener('click', () => {
+      const wanted = JSON.parse(button.dataset.control);
+      const length = lengths[wanted.do];
+      if (length) wanted.mm *= Number($(length).value);
+      control(wanted);
+    });
+  }
+  $('preheat').addEventListener('click', () => {
+    const [nozzle, bed] = $('material').value.split(' ').map(Number);
+    control({ do: 'heat', nozzle_celsius: nozzle, bed_celsius: bed });
+  });
   $('form').addEventListener('submit', async (event) => {
     event.preventDefault();
     const line = $('line').value.trim();

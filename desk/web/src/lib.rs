@@ -5,6 +5,7 @@
 
 mod answer;
 mod console;
+mod control;
 mod deadline;
 mod form;
 mod guard;
@@ -17,6 +18,7 @@ mod slicer;
 mod upload;
 
 pub use console::{Console, ConsoleLine, Speaker};
+pub use control::{Axis, Control};
 pub use guard::Token;
 pub use printer::{Activity, Heat, Job, Printer, Refusal, State, Upload};
 pub use server::{Limits, Server};

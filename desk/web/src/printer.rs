@@ -6,6 +6,7 @@ use serde::Serialize;
 use tempfile::NamedTempFile;
 
 use crate::console::ConsoleLine;
+use crate::control::Control;
 
 /// Activity of a printer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -116,6 +117,12 @@ pub trait Printer: Send + Sync + 'static {
     /// # Errors
     /// The printer must not get it now.
     fn send_line(&self, line: &str) -> Result<(), Refusal>;
+
+    /// Does what a button asks for.
+    ///
+    /// # Errors
+    /// It must not act now: in a print, on a halted printer, with a nozzle too cold for filament.
+    fn control(&self, control: Control) -> Result<(), Refusal>;
 
     /// Checks, before a file comes, that it would be taken now.
     ///

@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use crate::answer::Answer;
 use crate::console::ConsoleLine;
+use crate::control::Control;
 use crate::deadline::{Deadline, is_slow};
 use crate::guard::{Names, Token};
 use crate::page;
@@ -78,13 +79,14 @@ impl<P: Printer> Room<P> {
         match (method, path) {
             ("GET", "/state") => self.look(request.number("after").unwrap_or(0)),
             ("POST", "/line") => self.line(request, stream),
+            ("POST", "/control") => self.control(request, stream),
             ("POST", "/job") => self.job(request, stream),
             ("POST", "/start") => done(self.printer.start()),
             ("POST", "/pause") => done(self.printer.pause()),
             ("POST", "/resume") => done(self.printer.resume()),
             ("POST", "/cancel") => done(self.printer.cancel()),
             ("POST", "/stop") => done(self.printer.stop()),
-            (_, "/state" | "/line" | "/job" | "/start" | "/pause" | "/resume" | "/cancel" | "/stop") => {
+            (_, "/state" | "/line" | "/control" | "/job" | "/start" | "/pause" | "/resume" | "/cancel" | "/stop") => {
                 Err(Answer::text(405, "/state is read by GET, the rest is POST"))
             }
             _ => Err(Answer::text(404, "there is nothing here")),
@@ -98,6 +100,18 @@ impl<P: Printer> Room<P> {
     }
 
     fn line(&self, request: &Request, stream: &TcpStream) -> Result<Answer, Answer> {
+        let line = String::from_utf8(self.short_body(request, stream)?);
+        let line = line.map_err(|_| Answer::text(400, "the line is not text"))?;
+        done(self.printer.send_line(line.trim()))
+    }
+
+    fn control(&self, request: &Request, stream: &TcpStream) -> Result<Answer, Answer> {
+        let control = Control::read(&self.short_body(request, stream)?).map_err(|why| Answer::text(400, why))?;
+        done(self.printer.control(control))
+    }
+
+    /// A body of one line.
+    fn short_body(&self, request: &Request, stream: &TcpStream) -> Result<Vec<u8>, Answer> {
         let length = length(request, MAX_LINE_BYTES, "a line")?;
         let mut line = Vec::new();
         let read = body(request, stream, length, self.limits.request)?.read_to_end(&mut line);
@@ -108,8 +122,7 @@ impl<P: Printer> Room<P> {
         if line.len() as u64 != length {
             return Err(Answer::text(400, "the line is cut off"));
         }
-        let line = String::from_utf8(line).map_err(|_| Answer::text(400, "the line is not text"))?;
-        done(self.printer.send_line(line.trim()))
+        Ok(line)
     }
 
     fn job(&self, request: &Request, stream: &TcpStream) -> Result<Answer, Answer> {

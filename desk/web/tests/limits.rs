@@ -6,7 +6,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::sync::Mutex;
 use std::time::Duration;
 
-use ferrostep_web::{Activity, ConsoleLine, Limits, Printer, Refusal, Server, State, Upload};
+use ferrostep_web::{Activity, ConsoleLine, Control, Limits, Printer, Refusal, Server, State, Upload};
 
 /// A printer that notes the lines and files that it gets.
 #[derive(Default)]
@@ -39,6 +39,10 @@ impl Printer for &'static Noting {
 
     fn send_line(&self, line: &str) -> Result<(), Refusal> {
         self.note(line)
+    }
+
+    fn control(&self, control: Control) -> Result<(), Refusal> {
+        self.note(&control.lines().join(";"))
     }
 
     fn may_upload(&self) -> Result<(), Refusal> {

@@ -5,7 +5,7 @@ use std::sync::{Arc, Weak};
 use std::thread;
 use std::time::Instant;
 
-use ferrostep_web::{Activity, ConsoleLine, Job, Printer, Refusal, Speaker, State, Upload};
+use ferrostep_web::{Activity, ConsoleLine, Control, Job, Printer, Refusal, Speaker, State, Upload};
 
 use super::job_lines::JobLines;
 use super::shared::{Inner, PageHost, PageJob, Phase, Wishes};
@@ -46,6 +46,19 @@ impl PageSide {
         refuse(self.owner().unwrap_or_else(|| "another host uses this printer: try again".to_owned()))
     }
 
+    /// Checks that the printer reads a line with this command now, and takes the line to it.
+    fn may_send(&self, inner: &Inner, command: &str) -> Result<(), Refusal> {
+        match inner.phase {
+            Phase::Disconnected => refuse("the line to the printer is not open"),
+            Phase::Idle => self.take_line(),
+            Phase::Printing if command.starts_with('M') && !matches!(command, "M410" | "M876" | "M110") => Ok(()),
+            Phase::Printing => refuse(format!("{command} would act in the middle of the print: cancel it first")),
+            Phase::Pausing | Phase::Paused | Phase::Cancelling => {
+                refuse("the printer reads no lines until it goes on: Resume, or Cancel")
+            }
+        }
+    }
+
     /// Sends a command that acts as its bytes arrive.
     fn send_at_once(&self, command: &str) -> Result<(), Refusal> {
         let output = self.host().lock().output.clone();
@@ -66,6 +79,31 @@ fn share_of_lines(job: &PageJob) -> f64 {
 /// A wish that needs a job under way.
 fn in_job(inner: &Inner) -> Result<(), Refusal> {
     if inner.phase.is_job() { Ok(()) } else { refuse("nothing is being printed") }
+}
+
+/// Puts lines that belong together after those that wait.
+fn queue(inner: &mut Inner, lines: Vec<String>) -> Result<(), Refusal> {
+    if inner.waiting.len().saturating_add(lines.len()) > MAX_WAITING {
+        let waiting = inner.waiting.len();
+        return refuse(format!("{waiting} lines wait for the printer already: M108 ends its wait, M410 its motion"));
+    }
+    for line in lines {
+        inner.console.add(Speaker::Person, &line);
+        inner.waiting.push_back(line);
+    }
+    Ok(())
+}
+
+/// Checks that the nozzle is warm enough for filament to move.
+fn warm_enough(inner: &Inner, least_celsius: f32) -> Result<(), Refusal> {
+    match inner.heat {
+        Some(heat) if heat.nozzle_celsius >= f64::from(least_celsius) => Ok(()),
+        Some(heat) => refuse(format!(
+            "the nozzle is at {:.0} °C, and filament moves from {least_celsius:.0} °C on: heat it first",
+            heat.nozzle_celsius
+        )),
+        None => refuse("the nozzle's temperature is not known yet: filament moves in a warm nozzle only"),
+    }
 }
 
 /// A person's line as it is sent: without comment, and nothing in it that would make it another line.
@@ -132,40 +170,41 @@ impl Printer for PageSide {
             return self.stop();
         }
         let mut inner = self.host().lock();
-        match inner.phase {
-            Phase::Disconnected => return refuse("the line to the printer is not open"),
-            Phase::Idle => {
-                self.take_line()?;
-                if matches!(command.as_str(), "M108" | "M410" | "M876") {
-                    // The line stays the page's until this is answered.
-                    inner.owed = inner.owed.or(Some((Instant::now(), true)));
-                    drop(inner);
-                    return self.send_at_once(&text);
-                }
-            }
-            Phase::Printing if command == "M108" => {
-                inner.wishes.wait_ended = true;
-                inner.console.add(Speaker::Person, &text);
-                return Ok(());
-            }
-            Phase::Printing if command.starts_with('M') && !matches!(command.as_str(), "M410" | "M876" | "M110") => {}
-            Phase::Printing => {
-                return refuse(format!("{command} would act in the middle of the print: cancel it first"));
-            }
-            Phase::Pausing | Phase::Paused | Phase::Cancelling => {
-                return refuse("the printer reads no lines until it goes on: Resume, or Cancel");
-            }
+        if inner.phase == Phase::Idle && matches!(command.as_str(), "M108" | "M410" | "M876") {
+            self.take_line()?;
+            // The line stays the page's until this is answered.
+            inner.owed = inner.owed.or(Some((Instant::now(), true)));
+            drop(inner);
+            return self.send_at_once(&text);
         }
-        if inner.waiting.len() >= MAX_WAITING {
-            return refuse(format!(
-                "{MAX_WAITING} lines wait for the printer already: M108 ends its wait, M410 its motion"
-            ));
+        if inner.phase == Phase::Printing && command == "M108" {
+            inner.wishes.wait_ended = true;
+            inner.console.add(Speaker::Person, &text);
+            return Ok(());
         }
+        self.may_send(&inner, &command)?;
+        queue(&mut inner, vec![text])?;
         // A printer that does not restart says so again.
         inner.is_halted &= command != "M999";
-        inner.console.add(Speaker::Person, &text);
-        inner.waiting.push_back(text);
         Ok(())
+    }
+
+    fn control(&self, control: Control) -> Result<(), Refusal> {
+        let mut inner = self.host().lock();
+        if inner.phase.is_job() && !control.acts_in_a_print() {
+            return refuse(
+                "a file is being printed, and this would act in the middle of it: wait for its end, or cancel it",
+            );
+        }
+        if inner.is_halted {
+            return refuse("the printer is halted: send M999 first");
+        }
+        if matches!(control, Control::Filament { .. }) {
+            warm_enough(&inner, self.host().setup.profile.min_extrusion_celsius)?;
+        }
+        let lines = control.lines();
+        self.may_send(&inner, lines.first().map_or("", String::as_str))?;
+        queue(&mut inner, lines)
     }
 
     fn may_upload(&self) -> Result<(), Refusal> {

@@ -14,6 +14,7 @@ fn chromium_prints_pauses_and_cancels() {
     assert_eq!(seen["foreign"], json!([]), "the page speaks to its own server only: {seen:#}");
     assert!(seen["m115"].as_str().unwrap().contains("FIRMWARE_NAME:Ferrostep"), "{seen:#}");
     assert_eq!(seen["refused"], "the line is empty", "{seen:#}");
+    assert!(seen["cold"].as_str().unwrap().contains("the nozzle is at 22 °C"), "{seen:#}");
     assert!(seen["message"].as_str().unwrap().contains("the printer has ended: waits (M108)"), "{seen:#}");
     assert!(seen["bed"].as_str().unwrap().contains("°C"), "{seen:#}");
     assert!(seen["without_token"].as_str().unwrap().contains("the token is missing or wrong"), "{seen:#}");
