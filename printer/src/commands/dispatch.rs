@@ -147,6 +147,7 @@ impl<P: Ports> Printer<'_, P> {
     /// Executes a command.
     pub(crate) async fn dispatch(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
         self.needs_supply(command)?;
+        self.motion.see(command, self.interpreter.modal.unit_mm());
         if self.drivers_part(command)?
             && let Some(drivers) = self.fitted.drivers
         {

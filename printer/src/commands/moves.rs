@@ -58,6 +58,7 @@ impl<P: Ports> Printer<'_, P> {
         if moves.extrudes {
             self.check_extrusion_temperature()?;
         }
+        self.motion.begin_arc(moves.centre_mm, clockwise);
         while let Some(asked) = moves.next(&self.interpreter) {
             self.motion.add(asked.request).await?;
             self.taken(&asked);

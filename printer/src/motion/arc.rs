@@ -148,6 +148,11 @@ impl Arc {
         self.chords
     }
 
+    /// The centre seen from a point, mm.
+    pub fn centre_from(&self, point: [i64; 2]) -> [f64; 2] {
+        [0, 1].map(|axis| (self.centre[axis] - point[axis] as f64) / MM)
+    }
+
     /// Range of the arc in X and in Y, units of 10 nm.
     pub fn reach(&self) -> [[i64; 2]; 2] {
         self.reach

@@ -67,6 +67,8 @@ struct Target {
 pub(crate) struct ArcMoves {
     /// True if any of them pushes filament.
     pub extrudes: bool,
+    /// The centre seen from the start, mm.
+    pub centre_mm: [f64; 2],
     points: InnerPoints,
     reach_10nm: [[i64; 2]; 2],
     target: Target,
@@ -192,6 +194,7 @@ impl<'a> MoveInterpreter<'a> {
         }
         Ok(ArcMoves {
             extrudes,
+            centre_mm: arc.centre_from(start),
             points: arc.inner_points(),
             reach_10nm: arc.reach(),
             target,
