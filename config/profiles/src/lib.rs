@@ -24,6 +24,7 @@ mod motion;
 mod names;
 mod pause;
 pub mod response;
+mod rules;
 mod skew;
 mod supply;
 mod tools;
@@ -31,9 +32,11 @@ mod z_motors;
 
 use error_budget::ErrorBudget;
 use ferrostep_printer::Profile;
+use machine::Machine;
 
 use ferrostep_checked_toml::{Checked, Reader, Schema, line_of_key};
 pub use ferrostep_checked_toml::{FileError as ProfileError, Problem};
+pub use rules::{PlannedBy, RuleKeys};
 pub use z_motors::heights_by_motors;
 
 /// Names and texts of the profiles that need no file.
@@ -92,7 +95,7 @@ pub fn text(name_or_path: &str) -> Result<String, ProfileError> {
 /// The first problem found: TOML syntax, then unknown, missing or mistyped keys, then values out of
 /// their range, then values that contradict each other.
 pub fn parse(text: &str, origin: &str) -> Result<Profile, ProfileError> {
-    let Checked { value: (profile, texts, _), hash } = read(text, origin)?;
+    let Checked { value: Machine { profile, texts, .. }, hash } = read(text, origin)?;
     let [name, model_names, macros] = texts.map(|text| &*Box::leak(text.into_boxed_str()));
     Ok(Profile { name, model_names, macros, plan_hash: hash, ..profile })
 }
@@ -103,11 +106,18 @@ pub fn parse(text: &str, origin: &str) -> Result<Profile, ProfileError> {
 /// # Errors
 /// As [`parse`].
 pub fn error_budget(text: &str, origin: &str) -> Result<ErrorBudget, ProfileError> {
-    let Checked { value: (_, _, budget), .. } = read(text, origin)?;
-    Ok(budget)
+    Ok(read(text, origin)?.value.budget)
 }
 
-fn read(text: &str, origin: &str) -> Result<Checked<(Profile, [String; 3], ErrorBudget)>, ProfileError> {
+/// Reads from a profile's text by which firmware's rules a print is planned.
+///
+/// # Errors
+/// As [`parse`].
+pub fn rules(text: &str, origin: &str) -> Result<RuleKeys, ProfileError> {
+    Ok(read(text, origin)?.value.rules)
+}
+
+fn read(text: &str, origin: &str) -> Result<Checked<Machine>, ProfileError> {
     let reader = Reader::new(text, origin)?;
     let machine = machine::profile(&reader.root());
     reader.finish(machine)

@@ -10,6 +10,7 @@ use crate::axes::{AXES, FEED, MOTORS, Travel, units_10nm};
 use crate::drivers::{self, MIN_GAP_US};
 use crate::error_budget::{self, ErrorBudget};
 use crate::filament_sensor::{filament_sensor, filament_switch};
+use crate::rules::{self, RuleKeys};
 use crate::{
     backlash, bed_screws, bltouch, extrusion, fans, heaters, homing, macros, mesh, motion, pause, skew, supply, tools,
     z_motors,
@@ -42,11 +43,23 @@ const MAX_NAME: usize = 32;
 /// Longest list of names, bytes.
 const MAX_MODEL_NAMES: usize = 64;
 
-/// The machine. Its name, its models' names and its macros are separate, because a [`Profile`]
-/// needs them `'static`; so is the budget, which only the desk needs. A prepared job is bound to
-/// every key but those that are read `apart`: these change neither the plan nor the demands of the
-/// plan on the machine.
-pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget) {
+/// A machine's keys, checked.
+pub(crate) struct Machine {
+    /// The machine without its texts.
+    pub profile: Profile,
+    /// Its name, its models' names and its macros, which a [`Profile`] needs `'static`.
+    pub texts: [String; 3],
+    /// The error budget and the frame, which only the desk needs.
+    pub budget: ErrorBudget,
+    /// The rules of other firmwares, which only the desk needs.
+    pub rules: RuleKeys,
+}
+
+/// Reads the machine.
+///
+/// A prepared job is bound to every key but those that are read `apart`: these change neither the plan nor the
+/// demands of the plan on the machine.
+pub(crate) fn profile(keys: &Section<'_>) -> Machine {
     let apart = keys.apart();
     let name = name(&apart);
     let model_names = model_names(&apart);
@@ -64,7 +77,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         .numbers("steps_per_mm", MOTORS, [STEPS_PER_MM; 4])
         .required("motor steps, microsteps included; five decimals are kept; CoreXY: of motors A and B under x and y, CoreXZ: of A and C under x and z");
     let mut limits = limits(keys);
-    let holds_corner_speed = holds_corner_speed(keys, &limits);
+    let corner_speed = corner_speed(keys, &limits);
     let motion = motion::motion(keys);
     let budget_of_error = error_budget::read(keys);
     budget_of_error.apply(keys, &motion, &steps_per_mm, &mut limits);
@@ -127,6 +140,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         .number("moves_per_s", MOVES_PER_S)
         .or(DEFAULT_MOVES_PER_S.into(), "moves, if the processor has nothing else to do for motion");
     let filament = filament_sensor(&apart);
+    let rules = rules::read(keys, corner_speed);
     let profile = Profile {
         name: "",
         model_names: "",
@@ -152,7 +166,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         bed_screws,
         z_motors,
         tools,
-        holds_corner_speed,
+        holds_corner_speed: corner_speed.is_some(),
         min_extrusion_celsius: min_extrusion as f32,
         heater_timeout_s: heater_timeout_s.round() as u16,
         nozzle,
@@ -171,7 +185,8 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         drivers,
     };
     let at_change = tools.map_or([None; 2], |tools| [tools.0.change.before, tools.0.change.after]);
-    (profile, [name, model_names, macros::macros(&apart, at_change)], budget_of_error)
+    let texts = [name, model_names, macros::macros(&apart, at_change)];
+    Machine { profile, texts, budget: budget_of_error, rules }
 }
 
 /// Names that slicers give the machine.
@@ -233,9 +248,9 @@ fn limits(keys: &Section<'_>) -> Limits {
     }
 }
 
-/// Returns true if corners keep their speed at every acceleration. The profile then has this speed
-/// besides the deviation, and the two are checked against each other.
-fn holds_corner_speed(keys: &Section<'_>, limits: &Limits) -> bool {
+/// The speed of a square corner, mm/s, if corners keep it at every acceleration. The profile then has it besides the
+/// deviation, and the two are checked against each other.
+fn corner_speed(keys: &Section<'_>, limits: &Limits) -> Option<f64> {
     let about = "speed in a corner of 90° at every acceleration, as Klipper's: M204 then changes the deviation, not the speed; it is the \
                  one that `junction_deviation_mm` makes at `acceleration_mm_per_s2.print`";
     // Bound only if it is there: jobs that were prepared before this key existed remain valid.
@@ -243,7 +258,7 @@ fn holds_corner_speed(keys: &Section<'_>, limits: &Limits) -> bool {
         .apart()
         .number("square_corner_velocity_mm_per_s", CORNER_VELOCITY)
         .optional("corners keep their deviation, and M204 changes their speed", about);
-    let Some(speed) = speed else { return false };
+    let speed = speed?;
     keys.bind("square_corner_velocity_mm_per_s", &speed);
     let made = (limits.junction_deviation_mm * limits.print_acceleration_mm_per_s2 / SQUARE_CORNER_SHARE).sqrt();
     if (speed - made).abs() > CORNER_TOLERANCE * made {
@@ -255,7 +270,7 @@ fn holds_corner_speed(keys: &Section<'_>, limits: &Limits) -> bool {
         );
         keys.refuse("square_corner_velocity_mm_per_s", expected);
     }
-    true
+    Some(speed)
 }
 
 /// No motor may have to step more often than events may follow each other.
