@@ -5,14 +5,17 @@ mod error;
 mod values;
 
 use std::fmt;
+use std::io::Read;
 use std::path::Path;
 
-use ferrostep_printer::Profile;
+use ferrostep_printer::{Profile, SQUARE_CORNER_SHARE};
+use ferrostep_profiles::PlannedBy;
 use ferrostep_profiles::response::FrameMode;
-use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep_session::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS};
 use ferrostep_session::duration::hms;
 use ferrostep_session::input::{Input, InputError};
 use ferrostep_session::job::{self, JobError, JobProgress};
+use ferrostep_session::rules::{self, ByRules};
 use ferrostep_session::{JobReplies, Session};
 use serde::Serialize;
 use toml::{Table, Value};
@@ -31,6 +34,9 @@ pub const ACCELERATION_KEYS: [&str; 4] = [
 
 /// The key that `--error-budget` changes.
 pub const ERROR_BUDGET_KEY: &str = "error_budget_mm";
+
+/// The key of the deviation at corners.
+const DEVIATION_KEY: &str = "junction_deviation_mm";
 
 /// Commands by which a job sets its own limits, which would override the profile's.
 const LIMITS: [&str; 5] = ["M201", "M203", "M204", "M205", "SET_VELOCITY_LIMIT"];
@@ -55,6 +61,8 @@ pub struct Sweep {
     pub values: Values,
     /// Also simulates the error on the frame that the profile names.
     pub with_error: bool,
+    /// The rules by which the job is planned, in place of the profile's.
+    pub rules: Option<PlannedBy>,
 }
 
 /// Reason for which a sweep cannot be made.
@@ -119,6 +127,9 @@ pub struct Swept {
     pub file: String,
     /// Name of the machine.
     pub profile: String,
+    /// The rules of another firmware by which the times were planned.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rules: Option<&'static str>,
     /// The keys that were changed together.
     pub keys: Vec<String>,
     /// Name of the keys together, for a person.
@@ -138,8 +149,8 @@ pub struct Swept {
 /// [`SweepError`]. A value at which the job stops is a [`Row`] that says why.
 pub fn sweep(file: &Path, profile_text: &str, profile_name: &str, sweep: &Sweep) -> Result<Swept, SweepError> {
     let table: Table = profile_text.parse().map_err(|error| SweepError::Profile(format!("{profile_name}: {error}")))?;
-    let own = checked(&table, profile_name)?;
-    let profiles: Vec<(f64, Profile)> = sweep
+    let own = machine(&table, profile_name, sweep.rules)?;
+    let machines: Vec<(f64, Machine)> = sweep
         .values
         .iter()
         .map(|value| {
@@ -148,7 +159,8 @@ pub fn sweep(file: &Path, profile_text: &str, profile_name: &str, sweep: &Sweep)
                 set(&mut table, key, value)
                     .map_err(|problem| SweepError::Profile(format!("{profile_name}: {problem}")))?;
             }
-            Ok((value, checked(&table, profile_name)?))
+            hold_corner_speed(&mut table, &sweep.keys);
+            Ok((value, machine(&table, profile_name, sweep.rules)?))
         })
         .collect::<Result<_, SweepError>>()?;
     let frame = match (sweep.with_error, frame(profile_text, profile_name)?) {
@@ -158,10 +170,12 @@ pub fn sweep(file: &Path, profile_text: &str, profile_name: &str, sweep: &Sweep)
     };
     let is_budget = sweep.keys.iter().any(|key| key == ERROR_BUDGET_KEY);
     let dropped = dropped(&sweep.keys);
+    let (profile, rules) = (own.profile.name.to_owned(), own.by.as_ref().map(|by| by.rules.name()));
     let (print_time_s, _, lines_left_out) = estimate(file, own, &dropped)?;
-    let one = |value: f64, profile: Profile| -> Row {
+    let one = |value: f64, machine: Machine| -> Row {
         let mut row = Row { value, ..Row::default() };
-        match estimate(file, profile, &dropped) {
+        let profile = machine.profile;
+        match estimate(file, machine, &dropped) {
             Ok((time_s, slowed_moves, _)) => (row.print_time_s, row.slowed_moves) = (Some(time_s), Some(slowed_moves)),
             Err(error) => return Row { stopped: Some(error.to_string()), ..row },
         }
@@ -175,13 +189,13 @@ pub fn sweep(file: &Path, profile_text: &str, profile_name: &str, sweep: &Sweep)
     let rows = std::thread::scope(|scope| {
         let one = &one;
         let threads: Vec<_> =
-            profiles.into_iter().map(|(value, profile)| (value, scope.spawn(move || one(value, profile)))).collect();
+            machines.into_iter().map(|(value, machine)| (value, scope.spawn(move || one(value, machine)))).collect();
         let failed = |value| Row { value, stopped: Some("the estimate failed".to_owned()), ..Row::default() };
         threads.into_iter().map(|(value, thread)| thread.join().unwrap_or_else(|_| failed(value))).collect()
     });
     let file = file.to_string_lossy().into_owned();
     let Sweep { keys, label, .. } = sweep.clone();
-    Ok(Swept { file, profile: own.name.to_owned(), keys, label, print_time_s, lines_left_out, rows })
+    Ok(Swept { file, profile, rules, keys, label, print_time_s, lines_left_out, rows })
 }
 
 /// The frame that a profile's text names.
@@ -218,6 +232,34 @@ fn checked(table: &Table, name: &str) -> Result<Profile, SweepError> {
         .map_err(|error| SweepError::Profile(format!("{name}: {}", error.problem())))
 }
 
+/// A profile, and the planner of another firmware if its rules hold.
+struct Machine {
+    profile: Profile,
+    by: Option<ByRules>,
+}
+
+/// Reads a machine from its profile's table.
+fn machine(table: &Table, name: &str, asked: Option<PlannedBy>) -> Result<Machine, SweepError> {
+    let profile = checked(table, name)?;
+    let refuse = |problem: String| SweepError::Profile(format!("{name}: {problem}"));
+    let keys =
+        ferrostep_profiles::rules(&table.to_string(), name).map_err(|error| refuse(error.problem().to_string()))?;
+    let by = rules::of_profile(&profile, &keys, asked).map_err(|error| refuse(error.to_string()))?;
+    Ok(Machine { profile, by })
+}
+
+/// Lets the deviation at corners follow a changed acceleration where the profile has the speed of corners, as M204 does.
+fn hold_corner_speed(table: &mut Table, keys: &[String]) {
+    let number = |value: &Value| value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64));
+    let speed = table.get("square_corner_velocity_mm_per_s").and_then(number);
+    let print = table.get("acceleration_mm_per_s2").and_then(|table| number(table.get("print")?));
+    let is_said = keys.iter().any(|key| key == DEVIATION_KEY);
+    if let (Some(speed), Some(print), false) = (speed, print.filter(|print| *print > 0.0), is_said) {
+        let deviation_mm = speed * speed * SQUARE_CORNER_SHARE / print;
+        table.insert(DEVIATION_KEY.to_owned(), Value::Float(deviation_mm));
+    }
+}
+
 /// Sets a key by its full path.
 fn set(table: &mut Table, key: &str, value: f64) -> Result<(), String> {
     let (tables, name) = key.rsplit_once('.').map_or((None, key), |(tables, name)| (Some(tables), name));
@@ -233,22 +275,34 @@ fn set(table: &mut Table, key: &str, value: f64) -> Result<(), String> {
 }
 
 /// Time of the print, s, moves that were slowed, and lines left out.
-fn estimate(file: &Path, profile: Profile, dropped: &Dropped) -> Result<(f64, u64, u64), SweepError> {
+fn estimate(file: &Path, machine: Machine, dropped: &Dropped) -> Result<(f64, u64, u64), SweepError> {
     let input = Input::open(file).map_err(SweepError::Input)?;
     if input.is_prepared() {
         return Err(SweepError::Prepared);
     }
-    let session = Session::estimate(profile, LOOK_AHEAD_BLOCKS, JobReplies::new(|_: &str| {}));
     let mut input = WithoutCommands::new(input, dropped);
-    let mut done = JobProgress::default();
-    session.run(job::run(&mut input, &mut session.printer(), &mut done, |_| {})).map_err(SweepError::Job)?;
-    let figures = session.figures();
+    let Machine { profile, by } = machine;
+    let replies = JobReplies::new(|_: &str| {});
+    let figures = match by {
+        None => figures(&mut input, &Session::estimate(profile, LOOK_AHEAD_BLOCKS, replies))?,
+        Some(by) => figures(&mut input, &Session::by_rules(profile, by, replies))?,
+    };
     Ok((figures.print_time_s, figures.slowed_moves, input.lines_dropped()))
+}
+
+/// The counts of a job on a session.
+fn figures<D: Desk>(input: &mut impl Read, session: &Session<D, JobReplies<'_>>) -> Result<Figures, SweepError> {
+    let mut done = JobProgress::default();
+    session.run(job::run(input, &mut session.printer(), &mut done, |_| {})).map_err(SweepError::Job)?;
+    Ok(session.figures())
 }
 
 impl fmt::Display for Swept {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(out, "{}, {}: {}", self.file, self.profile, self.label)?;
+        if let Some(rules) = self.rules {
+            writeln!(out, "planned by {rules}: its rules, and this profile's limits")?;
+        }
         if self.lines_left_out > 0 {
             writeln!(out, "left out: {} lines that set what is compared here", self.lines_left_out)?;
         }

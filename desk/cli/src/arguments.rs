@@ -17,8 +17,9 @@ use clap::{Parser, Subcommand};
 use ferrostep_analysis::sweep::Values;
 use ferrostep_host::printer_line::Address;
 use ferrostep_import::{ApiKey, Url};
+use ferrostep_profiles::PlannedBy;
 
-use values::edge;
+use values::{edge, rules};
 
 pub use calibrate::{
     CalibrateAdvanceArguments, CalibrateFlowArguments, CalibrateShaperArguments, CalibrateSpeedArguments, Calibration,
@@ -131,6 +132,9 @@ pub enum Command {
         /// Simulates the error with each budget, too: on the profile's frame as it was measured, and as soft and as stiff as it may be.
         #[arg(long, requires = "error_budget")]
         simulate: bool,
+        /// The firmware by whose rules the file is planned [default: that of the profile's rules.planned_by].
+        #[arg(long, value_name = "RULES", value_parser = rules())]
+        rules: Option<PlannedBy>,
     },
     /// Writes the print's time into its G-code, where slicers and hosts read it: comments, M73.
     /// Exit status 0 and one line, as slicers expect of a post-processing script.

@@ -8,12 +8,14 @@ use ferrostep_host::printable;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_printer::Profile;
+use ferrostep_profiles::PlannedBy;
 use ferrostep_session::desk::Desk;
 use ferrostep_session::gpre;
 use ferrostep_session::input::{self, Input};
 use ferrostep_session::job::{self, JobProgress};
 use ferrostep_session::remarks::{Remark, RemarkKind};
 use ferrostep_session::report::{Motors, Stop, Summary};
+use ferrostep_session::rules::{self, ByRules};
 use ferrostep_session::watch::Watch;
 use ferrostep_session::{JobReplies, Session};
 
@@ -29,6 +31,16 @@ pub fn open(job: &JobArguments) -> Result<(Profile, Input), String> {
     let profile = ferrostep_profiles::load(&job.profile).map_err(|error| error.to_string())?;
     let input = Input::open(&job.file).map_err(|error| format!("{}: {error}", input::name(&job.file)))?;
     Ok((profile, input))
+}
+
+/// The planner of another firmware that a command names, or else the profile; `None` for the rules of this firmware.
+pub fn by_rules(profile: &Profile, name_or_path: &str, asked: Option<PlannedBy>) -> Result<Option<ByRules>, String> {
+    let text = ferrostep_profiles::text(name_or_path).map_err(|error| error.to_string())?;
+    let keys = ferrostep_profiles::rules(&text, name_or_path).map_err(|error| error.to_string())?;
+    rules::of_profile(profile, &keys, asked).map_err(|error| {
+        let name = asked.unwrap_or(keys.planned_by).name();
+        format!("{name_or_path}: {name} makes no plan with its limits: {error}")
+    })
 }
 
 /// Shows the machine's messages: errors always, notices up to a maximum.
@@ -87,6 +99,11 @@ pub fn run<D: Desk>(
     progress.end();
 
     let figures = session.figures();
+    let report = session.desk().rules();
+    let mut remarks = session.replies().remarks().to_vec();
+    // The other rules obey what this firmware takes from the profile.
+    remarks.retain(|remark| remark.kind != RemarkKind::Corner || report.as_ref().is_none_or(|report| !report.has_jerk));
+    let (rules, limits) = report.map(|report| (report.name, report.limits)).unzip();
     let tally = printer.tally();
     let summary = Summary {
         file: job.file.to_string_lossy().into_owned(),
@@ -97,6 +114,8 @@ pub fn run<D: Desk>(
         clamped_moves: tally.clamped_moves,
         print_time_s: figures.print_time_s,
         motion_time_s: figures.motion_time_s,
+        rules,
+        limits,
         filament_mm: tally.filament_100pm as f64 / FILAMENT_UNITS_PER_MM as f64,
         position_mm: printer.logical_10nm().map(|length| length as f64 / UNITS_PER_MM as f64).into(),
         motors: D::MAKES_STEPS.then(|| Motors::from(&figures)),
@@ -105,7 +124,7 @@ pub fn run<D: Desk>(
         layers: done.layers,
         slicer: input.description().map(|description| description.figures.clone()),
         slicer_time_s: done.slicer_time_s.or(input.description().and_then(|said| Some(said.figures.time_s?.into()))),
-        remarks: Some(session.replies().remarks().to_vec()),
+        remarks: Some(remarks),
         stopped: outcome.as_ref().err().map(Stop::from),
     };
     let code = result(job.json.then_some(&summary), || format!("{summary}\n"));

@@ -58,8 +58,10 @@ fn main() -> ExitCode {
             Some(board) => serve::image::run(board, &arguments),
             None => serve::run(&arguments),
         },
-        Command::Estimate { job, error_budget: Some(values), simulate } => sweep::budgets(job, values, simulate),
-        Command::Estimate { job, .. } => estimate::run(&job),
+        Command::Estimate { job, error_budget: Some(values), simulate, rules } => {
+            sweep::budgets(job, values, simulate, rules)
+        }
+        Command::Estimate { job, rules, .. } => estimate::run(&job, rules),
         Command::PostProcess(arguments) => post_process::run(&arguments),
         Command::Sweep(arguments) => sweep::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),

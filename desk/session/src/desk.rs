@@ -17,6 +17,8 @@ mod step_queue;
 mod tools;
 mod z_motors;
 
+pub(crate) use desk_time::DeskTime;
+
 pub use accelerometer::{DeskAccelerometer, Tap};
 pub use drivers::DeskDrivers;
 pub use encoder::Encoder;

@@ -11,12 +11,14 @@ pub mod gpre;
 pub mod input;
 pub mod job;
 pub mod layer_lines;
+pub mod limit_shares;
 pub mod output;
 #[cfg(unix)]
 pub mod page_host;
 pub mod record;
 pub mod remarks;
 pub mod report;
+pub mod rules;
 pub mod schedule;
 #[cfg(unix)]
 pub mod serve;

@@ -9,6 +9,7 @@ use crate::desk::Figures;
 use crate::duration::hms;
 use crate::input::SlicerFigures;
 use crate::job::JobError;
+use crate::limit_shares::LimitShare;
 use crate::remarks::{self, Remark};
 
 /// A value for each motor, or each coordinate.
@@ -91,6 +92,12 @@ pub struct Summary {
     pub print_time_s: f64,
     /// Sum of the blocks' durations, homing left out.
     pub motion_time_s: f64,
+    /// The rules of another firmware by which the time was planned.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rules: Option<&'static str>,
+    /// Time and moves of each limit of these rules.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limits: Option<Vec<LimitShare>>,
     /// The slicer's time, from a comment.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slicer_time_s: Option<f64>,
@@ -133,6 +140,9 @@ impl From<&Figures> for Motors {
     }
 }
 
+/// Least time of a limit that is listed for a person, s.
+const LEAST_SHARE_S: f64 = 0.05;
+
 /// A number of things: "1 move", "2 moves".
 fn counted(count: u64, thing: &str) -> String {
     format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
@@ -145,6 +155,15 @@ impl fmt::Display for Summary {
         let slicer = self.slicer_time_s.map_or_else(String::new, |time_s| format!("; the slicer says {}", hms(time_s)));
         let (print, motion) = (hms(self.print_time_s), hms(self.motion_time_s));
         writeln!(out, "  print time   {print} ({motion} of it in motion{slicer})")?;
+        if let Some(rules) = self.rules {
+            writeln!(out, "  planned by   {rules}: its rules, and this profile's limits")?;
+        }
+        let limits = self.limits.as_deref().unwrap_or_default();
+        for (index, share) in limits.iter().filter(|share| share.seconds >= LEAST_SHARE_S).enumerate() {
+            let name = if index == 0 { "limited by" } else { "" };
+            let (time, moves) = (hms(share.seconds), counted(share.moves, "move"));
+            writeln!(out, "  {name:12} {}: {time}, {moves}", share.limit)?;
+        }
         writeln!(out, "  filament     {:.3} m", self.filament_mm / 1000.0)?;
         let layers = if self.layers > 0 { format!(", {} layers", self.layers) } else { String::new() };
         writeln!(out, "  moves        {} in {}{layers}", self.moves, counted(self.lines.into(), "line"))?;

@@ -26,6 +26,7 @@ use crate::desk::{
 };
 use crate::record::Observer;
 use crate::remarks::{RemarkKind, RemarkList};
+use crate::rules::{ByRules, RulesReader};
 use crate::version::VERSION;
 
 /// Most different unknown commands remembered; a broken file could name any number.
@@ -124,6 +125,13 @@ impl<R: Replies> PlanSession<R> {
     /// A machine that only plans, and records its plan.
     pub fn prepare(profile: Profile, look_ahead: usize, replies: R) -> Self {
         Self::new(profile, replies, |drivers| PlanReader::new(&profile, look_ahead, drivers, true))
+    }
+}
+
+impl<R: Replies> Session<RulesReader, R> {
+    /// A machine whose moves are planned by another firmware's rules.
+    pub fn by_rules(profile: Profile, by: ByRules, replies: R) -> Self {
+        Self::new(profile, replies, |drivers| RulesReader::new(&profile, by, drivers))
     }
 }
 

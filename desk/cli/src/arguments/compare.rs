@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 
 use ferrostep_analysis::sweep::Values;
+use ferrostep_profiles::PlannedBy;
 
 use super::job::PlateArgument;
-use super::values::{key_and_value, key_and_values};
+use super::values::{key_and_value, key_and_values, rules};
 
 /// Arguments of `show`.
 #[derive(clap::Args)]
@@ -94,6 +95,9 @@ pub struct SweepArguments {
     /// Simulates the error with each value, too: on the profile's frame as it was measured, and as soft and as stiff as it may be.
     #[arg(long)]
     pub simulate: bool,
+    /// The firmware by whose rules the file is planned [default: that of the profile's rules.planned_by].
+    #[arg(long, value_name = "RULES", value_parser = rules())]
+    pub rules: Option<PlannedBy>,
     /// Prints the result as one JSON object.
     #[arg(long)]
     pub json: bool,

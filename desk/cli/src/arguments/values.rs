@@ -3,7 +3,9 @@
 #[cfg(unix)]
 use std::net::SocketAddr;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use ferrostep_analysis::sweep::{Values, ValuesError};
+use ferrostep_profiles::PlannedBy;
 
 /// An end of the part of a print that `--vcd` shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,6 +31,14 @@ pub fn edge(text: &str) -> Result<Edge, String> {
         None => text.parse().ok().filter(|seconds: &f64| seconds.is_finite() && *seconds >= 0.0).map(Edge::Seconds),
     };
     edge.ok_or_else(|| "expected seconds, 0 or more, as 12.5, a line, as line:120, or a layer, as layer:3".to_owned())
+}
+
+/// The names of rules.
+pub fn rules() -> impl TypedValueParser<Value = PlannedBy> {
+    PossibleValuesParser::new(PlannedBy::NAMED.map(|(name, _)| name)).map(|name| {
+        let found = PlannedBy::NAMED.into_iter().find(|(other, _)| *other == name);
+        found.map_or(PlannedBy::Own, |(_, rules)| rules)
+    })
 }
 
 /// A key and its value.

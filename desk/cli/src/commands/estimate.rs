@@ -2,6 +2,7 @@
 
 use std::process::ExitCode;
 
+use ferrostep_profiles::PlannedBy;
 use ferrostep_session::Session;
 use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep_session::input;
@@ -10,8 +11,8 @@ use crate::arguments::JobArguments;
 use crate::job::{self, open, replies};
 use crate::progress::Progress;
 
-/// Plans the job without making its steps, and reports time and material.
-pub fn run(arguments: &JobArguments) -> Result<ExitCode, String> {
+/// Plans the job without making its steps, by the rules that are asked for or else the profile's, and reports time and material.
+pub fn run(arguments: &JobArguments, rules: Option<PlannedBy>) -> Result<ExitCode, String> {
     let (profile, input) = open(arguments)?;
     if input.is_prepared() {
         return Err(format!(
@@ -20,6 +21,11 @@ pub fn run(arguments: &JobArguments) -> Result<ExitCode, String> {
         ));
     }
     let progress = Progress::new();
-    let session = Session::estimate(profile, LOOK_AHEAD_BLOCKS, replies(&progress));
-    Ok(job::run(arguments, input, &session, &progress, 0))
+    Ok(match job::by_rules(&profile, &arguments.profile, rules)? {
+        None => {
+            let session = Session::estimate(profile, LOOK_AHEAD_BLOCKS, replies(&progress));
+            job::run(arguments, input, &session, &progress, 0)
+        }
+        Some(by) => job::run(arguments, input, &Session::by_rules(profile, by, replies(&progress)), &progress, 0),
+    })
 }

@@ -192,6 +192,8 @@ fn summary(served: Served, address: String, profile: &str, wall: Duration) -> Su
         realtime_factor: figures.motion_time_s / wall_s.max(1e-9),
         slicer: None,
         layers: 0,
+        rules: None,
+        limits: None,
         slicer_time_s: None,
         remarks: None,
         stopped: served.failed.map(|message| Stop { line: None, message }),

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use ferrostep_analysis::sweep::{self, ACCELERATION_KEYS, ERROR_BUDGET_KEY, Sweep, Values, chart};
+use ferrostep_profiles::PlannedBy;
 use ferrostep_session::input;
 use ferrostep_session::output::{Accepted, Output};
 
@@ -30,7 +31,12 @@ pub fn run(arguments: &SweepArguments) -> Result<ExitCode, String> {
 }
 
 /// `estimate --error-budget`.
-pub fn budgets(job: JobArguments, values: Values, simulate: bool) -> Result<ExitCode, String> {
+pub fn budgets(
+    job: JobArguments,
+    values: Values,
+    simulate: bool,
+    rules: Option<PlannedBy>,
+) -> Result<ExitCode, String> {
     let JobArguments { file, plate, profile, json, strict: _ } = job;
     let error_budget = Some(values);
     run(&SweepArguments {
@@ -41,6 +47,7 @@ pub fn budgets(job: JobArguments, values: Values, simulate: bool) -> Result<Exit
         error_budget,
         set: Vec::new(),
         simulate,
+        rules,
         json,
         plot: None,
     })
@@ -49,22 +56,22 @@ pub fn budgets(job: JobArguments, values: Values, simulate: bool) -> Result<Exit
 /// Returns the change: the keys of `--set`, with the same values each, or the keys of `--acceleration` or
 /// `--error-budget`.
 fn keys(arguments: &SweepArguments) -> Result<Sweep, String> {
-    let with_error = arguments.simulate;
+    let (with_error, rules) = (arguments.simulate, arguments.rules);
     if let Some(values) = &arguments.acceleration {
         let label = "acceleration of print, travel, X and Y, mm/s²".to_owned();
         let keys = ACCELERATION_KEYS.map(str::to_owned).to_vec();
-        return Ok(Sweep { keys, label, values: values.clone(), with_error });
+        return Ok(Sweep { keys, label, values: values.clone(), with_error, rules });
     }
     if let Some(values) = &arguments.error_budget {
         let keys = vec![ERROR_BUDGET_KEY.to_owned()];
-        return Ok(Sweep { keys, label: "error budget, mm".to_owned(), values: values.clone(), with_error });
+        return Ok(Sweep { keys, label: "error budget, mm".to_owned(), values: values.clone(), with_error, rules });
     }
     let [(_, values), ..] = &arguments.set[..] else { return Err("nothing to change".to_owned()) };
     if let Some((key, _)) = arguments.set.iter().find(|(_, others)| others != values) {
         return Err(format!("--set {key}: keys that change together take the same values"));
     }
     let keys: Vec<String> = arguments.set.iter().map(|(key, _)| key.clone()).collect();
-    Ok(Sweep { label: keys.join(", "), keys, values: values.clone(), with_error })
+    Ok(Sweep { label: keys.join(", "), keys, values: values.clone(), with_error, rules })
 }
 
 /// The chart, which must not replace what is read.

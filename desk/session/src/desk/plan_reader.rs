@@ -244,6 +244,16 @@ impl PlanReader {
         self.plan.borrow_mut().reading.line_ends = Some(Box::new(line_ends));
     }
 
+    /// Moves the motors at once to where another planner's moves have taken them, at standstill.
+    pub(crate) fn jump_to(&self, position_10nm: [i64; 3]) {
+        let Plan { planner, reading, .. } = &mut *self.plan.borrow_mut();
+        let ([x, y, z], [from_x, from_y, from_z, _]) =
+            (planner.set_position(position_10nm).map(i64::from), reading.ledger.motor_steps());
+        let steps = [x - from_x, y - from_y, z - from_z, 0];
+        reading.motors.ledger.displace(steps);
+        reading.ledger.displace(steps);
+    }
+
     /// Gives access to the record of the plan.
     pub fn with_script<T>(&self, act: impl FnOnce(&mut Script) -> T) -> Option<T> {
         self.plan.borrow_mut().reading.script.as_mut().map(act)

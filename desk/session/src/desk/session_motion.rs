@@ -4,6 +4,7 @@ use ferrostep_printer::machine::PushedFilament;
 use ferrostep_printer::{FanDemand, Motion, Signals};
 
 use super::figures::Figures;
+use crate::limit_shares::RulesReport;
 
 /// The state of planner and motors, independent of how time passes.
 pub trait MotionState {
@@ -55,6 +56,10 @@ pub trait Desk {
     fn now_ns(&self) -> u64;
     /// Returns the extruder's present state; `None` where time leaps, so that no sensor could follow it.
     fn extruder_now(&self) -> Option<ExtruderNow> {
+        None
+    }
+    /// Returns what another firmware's rules made of the motion; `None` if this firmware has planned it.
+    fn rules(&self) -> Option<RulesReport> {
         None
     }
     /// Planner and motors.
