@@ -25,6 +25,7 @@ use reasons::{nothing_in_it, reason};
 
 /// Klipper's own values of keys that a file leaves out (its Configuration reference).
 const SQUARE_CORNER_VELOCITY: f64 = 5.0;
+const MINIMUM_CRUISE_RATIO: f64 = 0.5;
 /// Junction deviation of a square corner: (sqrt 2 - 1) of v^2 / a.
 const CORNER_SHARE: f64 = std::f64::consts::SQRT_2 - 1.0;
 /// Klipper's PID gains are for a power of 255.
@@ -203,7 +204,21 @@ impl<'a> Reading<'a> {
             self.draft.put(SPEED, speed);
             self.keep_number("printer", "square_corner_velocity", &[SPEED], |speed| speed);
         }
+        self.rules(acceleration);
         Ok(())
+    }
+
+    /// Klipper plans in its own way, with limits that only it has.
+    fn rules(&mut self, max_accel: Option<f64>) {
+        const RATIO: &str = "rules.minimum_cruise_ratio";
+        self.draft.put("rules.planned_by", "klipper");
+        self.draft.put(RATIO, MINIMUM_CRUISE_RATIO);
+        if let Some(max_accel) = max_accel.filter(|accel| *accel > 0.0) {
+            let ratio = |until: f64| 1.0 - until.min(max_accel) / max_accel;
+            self.keep_number("printer", "max_accel_to_decel", &[RATIO], ratio);
+        }
+        self.keep_number("printer", "minimum_cruise_ratio", &[RATIO], |ratio| ratio);
+        self.keep_number("gcode_arcs", "resolution", &["rules.arc_chord_mm"], |chord| chord);
     }
 
     fn shaper(&mut self) {

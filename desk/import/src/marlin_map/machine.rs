@@ -43,6 +43,7 @@ impl Reading<'_> {
             let name = format!("DEFAULT_{}JERK", axis.to_ascii_uppercase());
             self.keep_number(&name, &format!("instantaneous_corner_velocity_mm_per_s.{axis}"), same);
         }
+        self.rules(jerk);
         self.keep_number("DEFAULT_NOMINAL_FILAMENT_DIA", "extrusion.filament_diameter_mm", same);
         if self.draft.says("extrusion.filament_diameter_mm") {
             self.draft.put("extrusion.mode", "gcode");
@@ -58,6 +59,29 @@ impl Reading<'_> {
         }
         self.directions();
         self.e_of_several();
+    }
+
+    /// Marlin plans in its own way: with junction deviation, or with the jerk that it had before and that CLASSIC_JERK keeps.
+    fn rules(&mut self, jerk: Option<(&str, f64)>) {
+        const BY: &str = "rules.planned_by";
+        let is_older = self.get("JUNCTION_DEVIATION_MM").is_none() && jerk.is_some();
+        if self.get("CLASSIC_JERK").is_none() && !is_older {
+            self.draft.put(BY, "marlin-junction-deviation");
+        } else {
+            self.draft.put(BY, "marlin-classic-jerk");
+            self.keep("CLASSIC_JERK", BY, "marlin-classic-jerk", "");
+            for (axis, of_marlin) in [("x", 10.0), ("y", 10.0), ("z", 0.3), ("e", 5.0)] {
+                let path = format!("rules.jerk_mm_per_s.{axis}");
+                self.draft.put(&path, of_marlin);
+                let own = format!("DEFAULT_{}JERK", axis.to_ascii_uppercase());
+                if let Some((name, jerk)) = jerk.filter(|_| matches!(axis, "x" | "y") && self.get(&own).is_none()) {
+                    self.keep(name, &path, jerk, "");
+                }
+                self.keep_number(&own, &path, |jerk| jerk);
+            }
+        }
+        self.keep_number("BLOCK_BUFFER_SIZE", "rules.queued_moves", |moves| moves as i64);
+        self.keep_number("MAX_ARC_SEGMENT_MM", "rules.arc_chord_mm", |chord| chord);
     }
 
     /// Motors that run the other way round.
