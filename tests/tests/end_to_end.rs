@@ -65,6 +65,7 @@ mod refusals;
 mod refusals_page;
 mod repeats;
 mod reports;
+mod rules;
 #[cfg(unix)]
 mod sending;
 mod shaping;
