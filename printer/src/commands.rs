@@ -19,6 +19,7 @@ mod execute;
 mod extruder_steps;
 pub(crate) mod fans;
 mod filament;
+pub(crate) mod gcode_state;
 mod heater_model;
 mod home_offset;
 pub(crate) mod host;

@@ -18,6 +18,7 @@ mod signals;
 pub use commands::card::print::{HostLines, HostText};
 pub use commands::drivers::tell_driver_event;
 pub use commands::fans::tell_stalled_fan;
+pub use commands::gcode_state::GcodeState;
 pub use commands::host::Host;
 pub use commands::transfer::JobLine;
 pub use error::skew_refusal::SkewRefusal;

@@ -40,6 +40,7 @@ mod inputs;
 mod interruptions;
 mod job_remarks;
 mod json_output;
+mod klipper_files;
 mod klipper_times;
 mod methods;
 mod odd_lines;

@@ -15,6 +15,7 @@ use ferrostep_session::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS, LimitFactors, Mo
 use ferrostep_session::gpre;
 use ferrostep_session::input::{self, Input};
 use ferrostep_session::job::{self, JobError, JobProgress, Onlooker};
+use ferrostep_session::macros::Macros;
 use ferrostep_session::record::Observer;
 use ferrostep_session::remarks::{Remark, RemarkKind};
 use ferrostep_session::report::Stop;
@@ -84,7 +85,9 @@ impl<R: Replies, P: Ports> Onlooker<P> for Lines<'_, R> {
         let (layer, feature) = self.text.borrow_mut().at(line);
         let is_one_of = |commands: &[&str]| commands.iter().any(|command| command.eq_ignore_ascii_case(code(text)));
         self.state = LineState { layer, feature, homes: is_one_of(&HOMING), ..self.state };
-        *self.heats.borrow_mut() = Some(is_one_of(&HEATING));
+        // Lines that a macro stands for may heat or not.
+        let is_macro = code(text).bytes().take(2).all(|byte| byte.is_ascii_alphabetic() || byte == b'_');
+        *self.heats.borrow_mut() = (!is_macro).then(|| is_one_of(&HEATING));
         let state = self.state;
         self.session.desk().with_observer(|observer| {
             observer.0.executes(line);
@@ -175,7 +178,7 @@ pub(crate) fn record_without(
         let state = LineState::default();
         let mut lines = Lines { session: &session, text: Rc::clone(&text), state, line: 0, heats: &heats };
         let mut onlookers = (&mut watch, &mut lines);
-        let run = job::run_watched(&mut source, &mut printer, &mut done, &mut onlookers, look);
+        let run = job::run_watched(&mut source, &mut printer, &mut done, Macros::chosen(), &mut onlookers, look);
         let outcome = session.run_with(run, between);
         watch.end_of_text(outcome.is_ok());
         (outcome, text)

@@ -23,6 +23,7 @@ use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep_session::gpre;
 use ferrostep_session::input::{self, Input, InputError};
 use ferrostep_session::job::{self, JobError, JobProgress};
+use ferrostep_session::macros;
 use ferrostep_session::{JobReplies, Session};
 use ferrostep_simulator::klipper::{self, KlipperSettings};
 use ferrostep_simulator::measures::{Measures, Report, Snapshots};
@@ -90,7 +91,8 @@ impl fmt::Display for SimulationError {
             Self::NothingToCompare => {
                 write!(
                     out,
-                    "--compare plans G-code: give it with --path FILE, since a trace or a prepared job has none"
+                    "--compare plans G-code: give it with --path FILE, since a trace or a prepared job has none, and one whose \
+                     macros are assumed (START_PRINT) does not say the whole path"
                 )
             }
         }
@@ -177,7 +179,7 @@ impl Simulation {
                     Source::Prepared
                 } else {
                     if !path_of_steps {
-                        text = Some(all_of(&mut input)?);
+                        text = Some(all_of(&mut input)?).filter(|text| says_path(text, &profile));
                     }
                     Source::GCode
                 }
@@ -376,6 +378,18 @@ fn all_of(input: &mut Input) -> Result<Vec<u8>, SimulationError> {
     let mut text = Vec::new();
     input.read_to_end(&mut text).map_err(InputError::Read)?;
     Ok(text)
+}
+
+/// Returns true if the lines of a text say where the nozzle goes, without what the desk stands in for.
+fn says_path(text: &[u8], profile: &Profile) -> bool {
+    if !macros::has_names(text) {
+        return true;
+    }
+    let session = Session::estimate(*profile, LOOK_AHEAD_BLOCKS, JobReplies::new(|_: &str| {}));
+    let mut done = JobProgress::default();
+    // A job that stops does so again when it is simulated.
+    let _ = session.run(job::run(&mut &text[..], &mut session.printer(), &mut done, |_| {}));
+    !done.stands_in
 }
 
 /// The moves of a text, and the reference's plan of them.

@@ -26,7 +26,7 @@ pub use calibrate::{
     HeatArguments, TriedArgument,
 };
 pub use compare::{CompareArguments, ShowArguments, SweepArguments};
-pub use job::{Format, JobArguments};
+pub use job::{Format, JobArguments, MacroArgument};
 pub use papers::PaperName;
 pub use post_process::PostProcessArguments;
 pub use send::{BlackBoxArguments, SendArguments};
@@ -58,6 +58,19 @@ impl Command {
         };
         argument.plate
     }
+
+    /// True if it asks for macros as a board has them.
+    pub fn has_strict_macros(&self) -> bool {
+        let argument = match self {
+            Self::Print { macros, .. } | Self::Estimate { macros, .. } => macros,
+            Self::Sweep(arguments) => &arguments.macros,
+            Self::Show(arguments) => &arguments.macros,
+            Self::Compare(arguments) => &arguments.macros,
+            Self::Simulate(arguments) => &arguments.macros,
+            _ => return false,
+        };
+        argument.strict_macros
+    }
 }
 
 /// The subcommands.
@@ -67,6 +80,8 @@ pub enum Command {
     Print {
         #[command(flatten)]
         job: JobArguments,
+        #[command(flatten)]
+        macros: MacroArgument,
         /// How many blocks the planner sees ahead [default: 128, as on the board; 65536 for a prepared job].
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1_048_576))]
         look_ahead: Option<u32>,
@@ -125,6 +140,8 @@ pub enum Command {
     Estimate {
         #[command(flatten)]
         job: JobArguments,
+        #[command(flatten)]
+        macros: MacroArgument,
         /// Estimates with these error budgets in place of the profile's, mm, and shows the accelerations that follow: a range, each value
         /// twice the one before (0.015..0.06), or a list.
         #[arg(long, value_name = "VALUES", conflicts_with = "strict")]

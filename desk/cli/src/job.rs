@@ -13,6 +13,7 @@ use ferrostep_session::desk::Desk;
 use ferrostep_session::gpre;
 use ferrostep_session::input::{self, Input};
 use ferrostep_session::job::{self, JobProgress};
+use ferrostep_session::macros::Macros;
 use ferrostep_session::remarks::{Remark, RemarkKind};
 use ferrostep_session::report::{Motors, Stop, Summary};
 use ferrostep_session::rules::{self, ByRules};
@@ -90,7 +91,8 @@ pub fn run<D: Desk>(
         let job = gpre::play_from(from, &mut input, profile, &mut printer, &mut done, look);
         session.run_with(job, |session| progress.pass_time(|| session.figures()))
     } else {
-        let outcome = session.run(job::run_watched(&mut input, &mut printer, &mut done, &mut watch, look));
+        let outcome =
+            session.run(job::run_watched(&mut input, &mut printer, &mut done, Macros::chosen(), &mut watch, look));
         watch.end_of_text(outcome.is_ok());
         outcome
     };

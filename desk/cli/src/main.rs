@@ -17,6 +17,7 @@ use clap::Parser;
 use ferrostep_papers::tables::Paper;
 use ferrostep_session::gpre::Shown;
 use ferrostep_session::input;
+use ferrostep_session::macros::Macros;
 
 use arguments::{Arguments, Command};
 #[cfg(unix)]
@@ -36,8 +37,9 @@ fn main() -> ExitCode {
         Err(answer) => return outcome::of_arguments(&answer),
     };
     input::choose_plate(arguments.command.plate());
+    Macros::choose(arguments.command.has_strict_macros());
     let outcome = match arguments.command {
-        Command::Print { job, look_ahead, from_frame, trace, vcd, from, to } => {
+        Command::Print { job, look_ahead, from_frame, trace, vcd, from, to, .. } => {
             let vcd = vcd.as_deref().map(|path| (path, from, to));
             print::run(&job, look_ahead.map(|blocks| blocks as usize), from_frame, trace.as_deref(), vcd)
         }
@@ -58,8 +60,8 @@ fn main() -> ExitCode {
             Some(board) => serve::image::run(board, &arguments),
             None => serve::run(&arguments),
         },
-        Command::Estimate { job, error_budget: Some(values), simulate, rules } => {
-            sweep::budgets(job, values, simulate, rules)
+        Command::Estimate { job, macros, error_budget: Some(values), simulate, rules } => {
+            sweep::budgets(job, macros, values, simulate, rules)
         }
         Command::Estimate { job, rules, .. } => estimate::run(&job, rules),
         Command::PostProcess(arguments) => post_process::run(&arguments),

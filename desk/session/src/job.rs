@@ -6,10 +6,10 @@ use std::io::{self, Read};
 use ferrostep_gcode::{Checksum, Line, LineError, LineReader};
 use ferrostep_printer::{CommandError, Ports, Printer};
 
+use crate::ahead::{Ahead, PORTION_BYTES};
 use crate::comments::Comments;
-
-/// Bytes read at once, all of which may be executed between two looks at the progress.
-const PORTION_BYTES: usize = 4 * 1024;
+use crate::macros::{FileMacros, Macros};
+use crate::remarks::RemarkKind;
 
 /// Reason for which a job stopped before its end.
 #[derive(Debug)]
@@ -88,6 +88,8 @@ pub struct JobProgress {
     pub slicer_time_s: Option<f64>,
     /// Motion of all of the job, s, where its file says it: a prepared job that is executed from its beginning.
     pub motion_time_s: Option<f64>,
+    /// The lines alone do not say where the nozzle goes, since the desk has stood in for macros or commands of state.
+    pub stands_in: bool,
 }
 
 /// Observes the lines of a job.
@@ -96,6 +98,8 @@ pub trait Onlooker<P: Ports> {
     fn begins(&mut self, printer: &Printer<'_, P>, line: u32, text: &str);
     /// Called after the line was executed without an error.
     fn ended(&mut self, printer: &Printer<'_, P>);
+    /// Called with a remark on a line for which the desk stands in.
+    fn remarked(&mut self, _kind: RemarkKind, _line: u32, _message: &str) {}
 }
 
 /// No observer.
@@ -115,6 +119,11 @@ impl<P: Ports, A: Onlooker<P>, B: Onlooker<P>> Onlooker<P> for (&mut A, &mut B) 
         self.0.ended(printer);
         self.1.ended(printer);
     }
+
+    fn remarked(&mut self, kind: RemarkKind, line: u32, message: &str) {
+        self.0.remarked(kind, line, message);
+        self.1.remarked(kind, line, message);
+    }
 }
 
 /// Executes all lines of `input` and waits for the end of their motion.
@@ -127,48 +136,49 @@ pub async fn run<P: Ports>(
     progress: &mut JobProgress,
     look: impl FnMut(&JobProgress),
 ) -> Result<(), JobError> {
-    run_watched(input, printer, progress, &mut (), look).await
+    run_watched(input, printer, progress, Macros::chosen(), &mut (), look).await
 }
 
-/// Runs a job as [`run`] does, with an observer of each line.
+/// Runs a job as [`run`] does, with an observer of each line, and with macros as said.
 pub async fn run_watched<P: Ports>(
     input: &mut impl Read,
     printer: &mut Printer<'_, P>,
     progress: &mut JobProgress,
+    macros: Macros,
     onlooker: &mut impl Onlooker<P>,
     mut look: impl FnMut(&JobProgress),
 ) -> Result<(), JobError> {
-    let outcome = lines(input, printer, progress, onlooker, &mut look).await;
+    let outcome = lines(&mut Ahead::new(input), printer, progress, FileMacros::new(macros), onlooker, &mut look).await;
     let finished = printer.finish().await;
     outcome?;
     finished.map_err(JobError::Stopped)
 }
 
 async fn lines<P: Ports>(
-    input: &mut impl Read,
+    input: &mut Ahead<'_>,
     printer: &mut Printer<'_, P>,
     progress: &mut JobProgress,
+    mut macros: FileMacros,
     onlooker: &mut impl Onlooker<P>,
     look: &mut impl FnMut(&JobProgress),
 ) -> Result<(), JobError> {
     let mut reader = LineReader::new();
     let mut comments = Comments::default();
-    let mut buffer = vec![0; PORTION_BYTES];
+    let mut buffer = Vec::with_capacity(PORTION_BYTES);
     loop {
-        let length = match input.read(&mut buffer) {
-            Ok(0) => break,
-            Ok(length) => length,
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-            Err(error) => return Err(JobError::Read { line: progress.lines, error }),
-        };
-        let mut portion = &buffer[..length];
+        input.next(&mut buffer).map_err(|error| JobError::Read { line: progress.lines, error })?;
+        if buffer.is_empty() {
+            break;
+        }
+        let mut portion = &buffer[..];
         comments.read(portion);
+        macros.look(portion);
         (progress.layers, progress.slicer_time_s) = (comments.layers, comments.slicer_time_s);
         while !portion.is_empty() {
             let (used, line) = reader.feed(portion);
             portion = &portion[used..];
             if let Some(line) = line {
-                execute(printer, line, progress, onlooker).await?;
+                execute(printer, line, progress, (&mut macros, input), onlooker).await?;
             }
         }
         progress.lines = reader.lines_ended();
@@ -177,10 +187,11 @@ async fn lines<P: Ports>(
     comments.end();
     (progress.layers, progress.slicer_time_s) = (comments.layers, comments.slicer_time_s);
     if let Some(line) = reader.finish() {
-        execute(printer, line, progress, onlooker).await?;
+        execute(printer, line, progress, (&mut macros, input), onlooker).await?;
     }
     progress.lines = reader.lines_ended();
-    Ok(())
+    let ended = macros.end(printer).await;
+    ended.map_err(|message| JobError::Line { line: progress.lines, text: String::new(), message })
 }
 
 /// Executes one line. A file needs no line numbers, but a checksum, if present, must be right.
@@ -188,6 +199,7 @@ async fn execute<P: Ports>(
     printer: &mut Printer<'_, P>,
     line: Result<Line<'_>, LineError>,
     progress: &mut JobProgress,
+    (macros, ahead): (&mut FileMacros, &mut Ahead<'_>),
     onlooker: &mut impl Onlooker<P>,
 ) -> Result<(), JobError> {
     let stop = |line, text: &str, message| Err(JobError::Line { line, text: text.to_owned(), message });
@@ -212,14 +224,16 @@ async fn execute<P: Ports>(
         }
     }
     onlooker.begins(printer, line.line_number, line.text);
-    match printer.execute(line.line_number, line.text).await {
+    let outcome = macros.execute(printer, (line.line_number, line.text), ahead, onlooker).await;
+    progress.stands_in = macros.stands_in;
+    match outcome {
         Ok(()) => {
             onlooker.ended(printer);
             Ok(())
         }
-        Err(failure) => {
+        Err(message) => {
             progress.lines = line.line_number;
-            stop(line.line_number, line.text, failure.to_string())
+            stop(line.line_number, line.text, message)
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The desk's machine in virtual time, and the jobs that it executes: what reads them, what observes them, and what they leave.
 
+mod ahead;
 pub mod black_box;
 #[cfg(unix)]
 pub mod card_image;
@@ -12,6 +13,7 @@ pub mod input;
 pub mod job;
 pub mod layer_lines;
 pub mod limit_shares;
+pub mod macros;
 pub mod output;
 #[cfg(unix)]
 pub mod page_host;

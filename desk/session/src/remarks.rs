@@ -24,6 +24,8 @@ pub enum RemarkKind {
     Ignored,
     /// An unknown command.
     Unknown,
+    /// A macro that the profile lacks and that is taken for the machine's start.
+    Assumed,
     /// A target outside the travel.
     SoftLimit,
     /// A move of an axis that is not homed.

@@ -9,6 +9,7 @@ use ferrostep_printer::{Ports, Printer, Profile};
 
 use crate::input::Input;
 use crate::job::{self, JobProgress, Onlooker};
+use crate::macros::Macros;
 use crate::session::{JobReplies, Session};
 
 /// Least time between two lines that are noted, s.
@@ -44,7 +45,14 @@ impl Schedule {
         let schedule = Self { step_s: STEP_S, ..Self::default() };
         let mut sampler = Sampler { now_s: || session.figures().print_time_s, schedule };
         let mut progress = JobProgress::default();
-        let outcome = session.run(job::run_watched(&mut input, &mut printer, &mut progress, &mut sampler, |_| {}));
+        let outcome = session.run(job::run_watched(
+            &mut input,
+            &mut printer,
+            &mut progress,
+            Macros::chosen(),
+            &mut sampler,
+            |_| {},
+        ));
         outcome.map_err(|error| error.to_string())?;
         Ok(Self { total_s: session.figures().print_time_s, ..sampler.schedule })
     }

@@ -127,4 +127,8 @@ impl<P: Ports> Onlooker<P> for Watch<'_> {
         self.tally = tally;
         self.position_10nm = position_10nm;
     }
+
+    fn remarked(&mut self, kind: RemarkKind, line: u32, message: &str) {
+        self.remarks.note(kind, Some(line), message);
+    }
 }

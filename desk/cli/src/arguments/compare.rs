@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use ferrostep_analysis::sweep::Values;
 use ferrostep_profiles::PlannedBy;
 
-use super::job::PlateArgument;
+use super::job::{MacroArgument, PlateArgument};
 use super::values::{key_and_value, key_and_values, rules};
 
 /// Arguments of `show`.
@@ -16,6 +16,9 @@ pub struct ShowArguments {
     /// The plate of a 3MF.
     #[command(flatten)]
     pub plate: PlateArgument,
+    /// The macros that the profile lacks.
+    #[command(flatten)]
+    pub macros: MacroArgument,
     /// The page to write [default: the file's name with .html, in this folder].
     #[arg(short, value_name = "PAGE.html")]
     pub out: Option<PathBuf>,
@@ -39,6 +42,9 @@ pub struct CompareArguments {
     /// The plate of a 3MF.
     #[command(flatten)]
     pub plate: PlateArgument,
+    /// The macros that the profile lacks.
+    #[command(flatten)]
+    pub macros: MacroArgument,
     /// Writes a page with both prints.
     #[arg(short, value_name = "PAGE.html")]
     pub out: Option<PathBuf>,
@@ -78,6 +84,9 @@ pub struct SweepArguments {
     /// The plate of a 3MF.
     #[command(flatten)]
     pub plate: PlateArgument,
+    /// The macros that the profile lacks.
+    #[command(flatten)]
+    pub macros: MacroArgument,
     /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
     #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
     pub profile: String,

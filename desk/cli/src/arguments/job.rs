@@ -10,6 +10,15 @@ pub struct PlateArgument {
     pub plate: Option<u32>,
 }
 
+/// The treatment of macros that the profile lacks.
+#[derive(clap::Args)]
+pub struct MacroArgument {
+    /// Gives macros that the profile lacks no effect, and refuses commands that only the desk executes, as a board does. Otherwise a
+    /// macro at the beginning of the file is taken for the machine's start: homed and heated.
+    #[arg(long)]
+    pub strict_macros: bool,
+}
+
 /// Arguments that `print`, `preprocess` and `estimate` share.
 #[derive(clap::Args)]
 pub struct JobArguments {

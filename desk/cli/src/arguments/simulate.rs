@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use ferrostep_planner::ShaperKind as InputShaperKind;
 use ferrostep_simulator::shapers::ShaperKind;
 
-use super::job::PlateArgument;
+use super::job::{MacroArgument, PlateArgument};
 
 /// Arguments of `simulate`.
 #[derive(clap::Args)]
@@ -17,6 +17,9 @@ pub struct SimulateArguments {
     /// The plate of a 3MF.
     #[command(flatten)]
     pub plate: PlateArgument,
+    /// The macros that the profile lacks.
+    #[command(flatten)]
+    pub macros: MacroArgument,
     /// The machine of the job: cartesian, corexy, prusa-mini, or the path of a TOML file.
     #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
     pub profile: String,

@@ -9,7 +9,7 @@ use ferrostep_profiles::PlannedBy;
 use ferrostep_session::input;
 use ferrostep_session::output::{Accepted, Output};
 
-use crate::arguments::{JobArguments, SweepArguments};
+use crate::arguments::{JobArguments, MacroArgument, SweepArguments};
 use crate::outcome::result;
 use crate::protected::inputs;
 
@@ -33,6 +33,7 @@ pub fn run(arguments: &SweepArguments) -> Result<ExitCode, String> {
 /// `estimate --error-budget`.
 pub fn budgets(
     job: JobArguments,
+    macros: MacroArgument,
     values: Values,
     simulate: bool,
     rules: Option<PlannedBy>,
@@ -42,6 +43,7 @@ pub fn budgets(
     run(&SweepArguments {
         file,
         plate,
+        macros,
         profile,
         acceleration: None,
         error_budget,

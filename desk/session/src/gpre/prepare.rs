@@ -12,6 +12,7 @@ use ferrostep_printer::{Ports, Printer, Profile, Tally};
 use super::script::{Ready, Script};
 use crate::desk::{Figures, PlanReader};
 use crate::job::{self, JobError, JobProgress, Onlooker};
+use crate::macros::Macros;
 use crate::remarks::Remark;
 use crate::session::{JobReplies, Session};
 use crate::watch::Watch;
@@ -261,9 +262,16 @@ pub fn prepare(
     let mut writer = Writer { reader: session.desk(), out, parts, waiting: Vec::new(), content_bytes: 0, failed: None };
     let mut watch = Watch::new(&profile, session.replies().remarks());
     let mut watching = (&mut writer, &mut watch);
-    let outcome = session.run(job::run_watched(&mut input, &mut printer, &mut progress, &mut watching, |progress| {
-        look(progress, &session.figures());
-    }));
+    let outcome = session.run(job::run_watched(
+        &mut input,
+        &mut printer,
+        &mut progress,
+        Macros::AsOnABoard,
+        &mut watching,
+        |progress| {
+            look(progress, &session.figures());
+        },
+    ));
     watch.end_of_text(outcome.is_ok());
     watch.end(&session.heating(), outcome.is_ok());
     outcome.map_err(PrepareError::Job)?;

@@ -1,0 +1,32 @@
+; the machine knows its temperatures
+START_PRINT
+M83
+G92 E0
+M104 S205 ; first layer
+M140 S55
+;LAYER_CHANGE
+;Z:0.2
+;HEIGHT:0.2
+G1 Z0.2 F600
+G1 X60 Y60 F9000
+;TYPE:External perimeter
+G1 X90 E1.2 F3600
+G1 Y90 E1.2
+G1 X60 E1.2
+G1 Y60 E1.2
+;TYPE:Solid infill
+G1 X90 Y90 E1.68
+M104 S200 ; other layers
+;LAYER_CHANGE
+;Z:0.4
+;HEIGHT:0.2
+G1 Z0.4 F600
+G1 X60 Y60 F9000
+;TYPE:External perimeter
+G1 X90 E1.2 F3600
+G1 Y90 E1.2
+G1 X60 E1.2
+G1 Y60 E1.2
+;TYPE:Solid infill
+G1 X90 Y90 E1.68
+END_PRINT
