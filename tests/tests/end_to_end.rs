@@ -78,6 +78,7 @@ mod slicer_printers;
 mod slicer_profiles;
 mod slicers_today;
 mod stall;
+mod summary_schema;
 mod supply;
 mod sweeps;
 mod tools;

@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 use std::process::ExitCode;
+use std::rc::Rc;
 use std::time::Instant;
 
 use ferrostep_host::printable;
@@ -9,11 +10,12 @@ use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_printer::Profile;
 use ferrostep_profiles::PlannedBy;
-use ferrostep_session::desk::Desk;
+use ferrostep_session::desk::{Desk, LineEnds, MotionState};
 use ferrostep_session::gpre;
 use ferrostep_session::input::{self, Input};
 use ferrostep_session::job::{self, JobProgress};
 use ferrostep_session::macros::Macros;
+use ferrostep_session::parts::Parts;
 use ferrostep_session::remarks::{Remark, RemarkKind};
 use ferrostep_session::report::{Motors, Stop, Summary};
 use ferrostep_session::rules::{self, ByRules};
@@ -86,13 +88,19 @@ pub fn run<D: Desk>(
     let place = input.place();
     let look = |job: &JobProgress| progress.show(place.share(), job, || session.figures());
     let mut watch = Watch::new(profile, session.replies().remarks());
+    let ends = Rc::new(LineEnds::default());
+    let follows = job.json && !input.is_prepared() && session.desk().follow_lines(Rc::clone(&ends));
+    let mut parts = follows.then(|| {
+        Parts::new(ends, || (session.desk().now_ns() as f64 * 1e-9, session.desk().state().tick()))
+    });
     let outcome = if input.is_prepared() {
         // A prepared job is planned already, and most of it fits into the look-ahead: only its execution takes time.
         let job = gpre::play_from(from, &mut input, profile, &mut printer, &mut done, look);
         session.run_with(job, |session| progress.pass_time(|| session.figures()))
     } else {
-        let outcome =
-            session.run(job::run_watched(&mut input, &mut printer, &mut done, Macros::chosen(), &mut watch, look));
+        let mut onlookers = (&mut watch, &mut parts);
+        let run = job::run_watched(&mut input, &mut printer, &mut done, Macros::chosen(), &mut onlookers, look);
+        let outcome = session.run(run);
         watch.end_of_text(outcome.is_ok());
         outcome
     };
@@ -124,6 +132,7 @@ pub fn run<D: Desk>(
         wall_s,
         realtime_factor: figures.motion_time_s / wall_s.max(1e-9),
         layers: done.layers,
+        parts: parts.map(Parts::finish),
         slicer: input.description().map(|description| description.figures.clone()),
         slicer_time_s: done.slicer_time_s.or(input.description().and_then(|said| Some(said.figures.time_s?.into()))),
         remarks: Some(remarks),

@@ -1,13 +1,13 @@
 //! The times of a print by the lines of its file.
 
-use std::cell::RefCell;
 use std::io::{self, Read};
 use std::rc::Rc;
 
 use ferrostep_printer::{Ports, Printer, Profile};
-use ferrostep_session::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS};
+use ferrostep_session::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS, LineEnds, MotionState, seconds};
 use ferrostep_session::input::Input;
 use ferrostep_session::job::{self, JobError, JobProgress, Onlooker};
+use ferrostep_session::macros::Macros;
 use ferrostep_session::schedule::Schedule;
 use ferrostep_session::watch::is_pause;
 use ferrostep_session::{JobReplies, Session};
@@ -51,20 +51,19 @@ impl PrintTimes {
         mut look: impl FnMut(&JobProgress, &dyn Fn() -> Figures),
     ) -> Result<Self, JobError> {
         let session = Session::estimate(profile, LOOK_AHEAD_BLOCKS, replies);
-        let schedule = Rc::new(RefCell::new(Schedule::default()));
-        let told = Rc::clone(&schedule);
-        session.desk().on_line_end(move |line, now_ns| told.borrow_mut().note(line, now_ns as f64 * 1e-9));
-        let now_s = || session.desk().now_ns() as f64 * 1e-9;
-        let mut commands = Commands { now_s, schedule: &schedule, line: 0, found: Self::default() };
+        let ends = Rc::new(LineEnds::default());
+        session.desk().follow_lines(Rc::clone(&ends));
+        let now = || (session.desk().now_ns() as f64 * 1e-9, session.desk().state().tick());
+        let mut commands = Commands { now, ends, waits_s: 0.0, line: 0, found: Self::default() };
         let mut layers =
             LayerReader { input, comments: CommentReader::default(), marks: Marks::default(), found: [None; 2] };
         let mut printer = session.printer();
         let mut done = JobProgress::default();
         let look = |done: &JobProgress| look(done, &|| session.figures());
-        session.run(job::run_watched(&mut layers, &mut printer, &mut done, &mut commands, look))?;
-        schedule.borrow_mut().end(session.figures().print_time_s);
+        session.run(job::run_watched(&mut layers, &mut printer, &mut done, Macros::chosen(), &mut commands, look))?;
+        commands.note_ends();
+        commands.found.schedule.end(session.figures().print_time_s);
         Ok(Self {
-            schedule: schedule.take(),
             layers: layers.found,
             slicer_time_s: done.slicer_time_s,
             remarks: session.replies().remarks().to_vec().len(),
@@ -124,32 +123,48 @@ impl PrintTimes {
     }
 }
 
-/// Notes what commands a job has, and the ends of those that wait.
-struct Commands<'a, F> {
-    now_s: F,
-    schedule: &'a RefCell<Schedule>,
+/// Notes what commands a job has, and when its lines end.
+struct Commands<F> {
+    /// The time, s, and the motion clock, ticks.
+    now: F,
+    ends: Rc<LineEnds>,
+    /// Time that something other than motion has taken before the line, s.
+    waits_s: f64,
     line: u32,
     found: PrintTimes,
 }
 
-impl<P: Ports, F: Fn() -> f64> Onlooker<P> for Commands<'_, F> {
+impl<F> Commands<F> {
+    /// Notes the ends of moves. A wait begins when all motion before it has ended, so the waits
+    /// before the present line are those before each of these ends.
+    fn note_ends(&mut self) {
+        while let Some((line, tick)) = self.ends.take() {
+            self.found.schedule.note(line, self.waits_s + seconds(tick));
+        }
+    }
+}
+
+impl<P: Ports, F: Fn() -> (f64, u64)> Onlooker<P> for Commands<F> {
     fn begins(&mut self, _: &Printer<'_, P>, line: u32, text: &str) {
+        self.note_ends();
+        let (now_s, tick) = (self.now)();
+        self.waits_s = now_s - seconds(tick);
         self.line = line;
         self.found.first_command.get_or_insert(line);
         if let Some(words) = progress_line::words(text.as_bytes()) {
             self.found.has_progress |= progress_line::tells_progress(&words);
         }
-        if (is_pause(text) || text.eq_ignore_ascii_case("PAUSE")) && self.found.pauses.len() < MAX_PAUSES {
+        if is_pause(text) && self.found.pauses.len() < MAX_PAUSES {
             self.found.pauses.push(line);
         }
     }
 
     fn ended(&mut self, _: &Printer<'_, P>) {
         // Homing and waits begin when all motion before them has ended.
-        let now_s = (self.now_s)();
-        let mut schedule = self.schedule.borrow_mut();
-        if now_s > schedule.newest_s() + WAIT_S {
-            schedule.note(self.line, now_s);
+        self.note_ends();
+        let (now_s, _) = (self.now)();
+        if now_s > self.found.schedule.newest_s() + WAIT_S {
+            self.found.schedule.note(self.line, now_s);
         }
     }
 }

@@ -14,25 +14,33 @@ pub(crate) struct Comments {
 }
 
 impl Comments {
-    /// Reads some bytes.
-    pub fn read(&mut self, portion: &[u8]) {
+    /// Reads some bytes, and reports each mark with its line.
+    pub fn read(&mut self, portion: &[u8], mut tell: impl FnMut(u32, &Mark)) {
         let Self { layers, slicer_time_s, reader, marks } = self;
-        reader.read(portion, |_, comment| note(marks, layers, slicer_time_s, comment));
+        reader.read(portion, |line, comment| {
+            if let Some(mark) = note(marks, layers, slicer_time_s, comment) {
+                tell(line, &mark);
+            }
+        });
     }
 
     /// Ends the last line.
     pub fn end(&mut self) {
         let Self { layers, slicer_time_s, reader, marks } = self;
-        reader.end(|_, comment| note(marks, layers, slicer_time_s, comment));
+        reader.end(|_, comment| {
+            note(marks, layers, slicer_time_s, comment);
+        });
     }
 }
 
-fn note(marks: &mut Marks, layers: &mut u32, slicer_time_s: &mut Option<f64>, comment: &str) {
-    match marks.read(comment) {
-        Some(Mark::Layer) => *layers = layers.saturating_add(1),
-        Some(Mark::Time(seconds)) => *slicer_time_s = Some(seconds),
-        Some(Mark::Feature(_)) | None => {}
+fn note(marks: &mut Marks, layers: &mut u32, slicer_time_s: &mut Option<f64>, comment: &str) -> Option<Mark> {
+    let mark = marks.read(comment)?;
+    match mark {
+        Mark::Layer => *layers = layers.saturating_add(1),
+        Mark::Time(seconds) => *slicer_time_s = Some(seconds),
+        Mark::Feature(_) => {}
     }
+    Some(mark)
 }
 
 #[cfg(test)]
@@ -45,7 +53,7 @@ mod tests {
                      ; estimated printing time (normal mode) = 1d 2h 3m 4s\n;TIME:5";
         for size in 1..text.len() {
             let mut comments = Comments::default();
-            text.chunks(size).for_each(|portion| comments.read(portion));
+            text.chunks(size).for_each(|portion| comments.read(portion, |_, _| {}));
             comments.end();
             assert_eq!((comments.layers, comments.slicer_time_s), (3, Some(93_784.0)), "{size}");
         }

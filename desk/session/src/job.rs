@@ -5,6 +5,7 @@ use std::io::{self, Read};
 
 use ferrostep_gcode::{Checksum, Line, LineError, LineReader};
 use ferrostep_printer::{CommandError, Ports, Printer};
+use ferrostep_show::Mark;
 
 use crate::ahead::{Ahead, PORTION_BYTES};
 use crate::comments::Comments;
@@ -98,6 +99,8 @@ pub trait Onlooker<P: Ports> {
     fn begins(&mut self, printer: &Printer<'_, P>, line: u32, text: &str);
     /// Called after the line was executed without an error.
     fn ended(&mut self, printer: &Printer<'_, P>);
+    /// Called with a slicer's mark and the line of its comment, before that line and those after it.
+    fn marked(&mut self, _line: u32, _mark: &Mark) {}
     /// Called with a remark on a line for which the desk stands in.
     fn remarked(&mut self, _kind: RemarkKind, _line: u32, _message: &str) {}
 }
@@ -106,6 +109,33 @@ pub trait Onlooker<P: Ports> {
 impl<P: Ports> Onlooker<P> for () {
     fn begins(&mut self, _: &Printer<'_, P>, _: u32, _: &str) {}
     fn ended(&mut self, _: &Printer<'_, P>) {}
+}
+
+/// An observer, or none.
+impl<P: Ports, O: Onlooker<P>> Onlooker<P> for Option<O> {
+    fn begins(&mut self, printer: &Printer<'_, P>, line: u32, text: &str) {
+        if let Some(onlooker) = self {
+            onlooker.begins(printer, line, text);
+        }
+    }
+
+    fn ended(&mut self, printer: &Printer<'_, P>) {
+        if let Some(onlooker) = self {
+            onlooker.ended(printer);
+        }
+    }
+
+    fn marked(&mut self, line: u32, mark: &Mark) {
+        if let Some(onlooker) = self {
+            onlooker.marked(line, mark);
+        }
+    }
+
+    fn remarked(&mut self, kind: RemarkKind, line: u32, message: &str) {
+        if let Some(onlooker) = self {
+            onlooker.remarked(kind, line, message);
+        }
+    }
 }
 
 /// Two observers, one after the other.
@@ -118,6 +148,11 @@ impl<P: Ports, A: Onlooker<P>, B: Onlooker<P>> Onlooker<P> for (&mut A, &mut B) 
     fn ended(&mut self, printer: &Printer<'_, P>) {
         self.0.ended(printer);
         self.1.ended(printer);
+    }
+
+    fn marked(&mut self, line: u32, mark: &Mark) {
+        self.0.marked(line, mark);
+        self.1.marked(line, mark);
     }
 
     fn remarked(&mut self, kind: RemarkKind, line: u32, message: &str) {
@@ -171,7 +206,7 @@ async fn lines<P: Ports>(
             break;
         }
         let mut portion = &buffer[..];
-        comments.read(portion);
+        comments.read(portion, |line, mark| onlooker.marked(line, mark));
         macros.look(portion);
         (progress.layers, progress.slicer_time_s) = (comments.layers, comments.slicer_time_s);
         while !portion.is_empty() {

@@ -17,6 +17,7 @@ pub mod macros;
 pub mod output;
 #[cfg(unix)]
 pub mod page_host;
+pub mod parts;
 pub mod record;
 pub mod remarks;
 pub mod report;

@@ -203,6 +203,11 @@ async fn no_start<P: Ports>(
     Ok(())
 }
 
+/// The value of a key among the words of a named command.
+pub(crate) fn value_of<'a>(text: &'a str, key: &str) -> Option<&'a str> {
+    words::Words::of(text).value(key)
+}
+
 /// Returns true if a line of a file begins with a name, for which the desk may have to stand in.
 pub fn has_names(text: &[u8]) -> bool {
     let mut lines = text.split(|byte| matches!(byte, b'\n' | b'\r'));

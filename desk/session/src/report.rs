@@ -10,6 +10,7 @@ use crate::duration::hms;
 use crate::input::SlicerFigures;
 use crate::job::JobError;
 use crate::limit_shares::LimitShare;
+use crate::parts::PrintParts;
 use crate::remarks::{self, Remark};
 
 /// A value for each motor, or each coordinate.
@@ -114,6 +115,9 @@ pub struct Summary {
     pub realtime_factor: f64,
     /// Layers, by the slicer's comments.
     pub layers: u32,
+    /// Its parts, of a job that is G-code.
+    #[serde(flatten)]
+    pub parts: Option<PrintParts>,
     /// The slicer's figures, from binary G-code.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slicer: Option<SlicerFigures>,

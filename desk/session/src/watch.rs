@@ -9,7 +9,7 @@ use crate::job::Onlooker;
 use crate::remarks::{RemarkKind, RemarkList};
 
 /// Commands that wait for a person: pauses, and filament changes.
-const PAUSES: [&str; 7] = ["M0", "M1", "M25", "M125", "M226", "M600", "M601"];
+pub(crate) const PAUSES: [&str; 8] = ["M0", "M1", "M25", "M125", "M226", "M600", "M601", "PAUSE"];
 
 /// Returns true if a command asks the printer to wait for a person.
 pub fn is_pause(text: &str) -> bool {

@@ -194,6 +194,7 @@ fn summary(served: Served, address: String, profile: &str, wall: Duration) -> Su
         layers: 0,
         rules: None,
         limits: None,
+        parts: None,
         slicer_time_s: None,
         remarks: None,
         stopped: served.failed.map(|message| Stop { line: None, message }),

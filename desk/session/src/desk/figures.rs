@@ -26,6 +26,6 @@ pub struct Figures {
 }
 
 /// Ticks in seconds.
-pub(super) fn seconds(ticks: u64) -> f64 {
+pub fn seconds(ticks: u64) -> f64 {
     ticks as f64 / f64::from(TICKS_PER_SECOND)
 }

@@ -23,6 +23,7 @@ use super::desk_time::DeskTime;
 use super::drivers::DeskDrivers;
 use super::figures::{Figures, seconds};
 use super::limit_factors::LimitFactors;
+use super::line_ends::LineEnds;
 use super::session_motion::{Desk, MotionState};
 use super::z_motors::DeskZMotors;
 use crate::gpre::Script;
@@ -48,12 +49,9 @@ struct Reading {
     extruder_256ths: i64,
     /// The record of the plan, if one is written.
     script: Option<Script>,
-    /// Takes the ends of lines, if they are asked for.
-    line_ends: Option<Box<LineEnds>>,
+    /// The ends of lines, if someone follows them.
+    line_ends: Option<Rc<LineEnds>>,
 }
-
-/// Takes the number of a line and the motion clock at the end of its motion, ticks.
-type LineEnds = dyn FnMut(u32, u64);
 
 impl Reading {
     /// Reads the next block that may leave look-ahead, and moves the motors to its end; `false` without one.
@@ -80,10 +78,8 @@ impl Reading {
         let steps = [x, y, z, rounded_steps(self.extruder_256ths) - extruder_before];
         self.motors.ledger.displace(steps);
         self.ledger.displace(steps);
-        if let Some(line_ends) = &mut self.line_ends
-            && block.ends_move
-        {
-            line_ends(block.line, self.ledger.tick() + self.read_ticks);
+        if let Some(ends) = &self.line_ends {
+            ends.note(block.line, self.ledger.tick() + self.read_ticks);
         }
         true
     }
@@ -236,14 +232,6 @@ impl PlanReader {
         Self { factors, ..self }
     }
 
-    /// Calls `tell` with the number of each line whose motion is planned to its end, and the
-    /// virtual time at that end, ns.
-    pub fn on_line_end(&self, mut tell: impl FnMut(u32, u64) + 'static) {
-        let time = Rc::clone(&self.time);
-        let line_ends = move |line, tick| tell(line, time.now_ns(tick));
-        self.plan.borrow_mut().reading.line_ends = Some(Box::new(line_ends));
-    }
-
     /// Moves the motors at once to where another planner's moves have taken them, at standstill.
     pub(crate) fn jump_to(&self, position_10nm: [i64; 3]) {
         let Plan { planner, reading, .. } = &mut *self.plan.borrow_mut();
@@ -281,6 +269,11 @@ impl Desk for PlanReader {
 
     fn now_ns(&self) -> u64 {
         self.time.now_ns(self.tick())
+    }
+
+    fn follow_lines(&self, ends: Rc<LineEnds>) -> bool {
+        self.plan.borrow_mut().reading.line_ends = Some(ends);
+        true
     }
 
     fn state(&self) -> &Self {

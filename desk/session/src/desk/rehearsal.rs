@@ -15,6 +15,7 @@ use ferrostep_printer::{Profile, SharedMachine, SharedMotion, Signals};
 
 use super::desk_time::DeskTime;
 use super::drivers::DeskDrivers;
+use super::line_ends::LineEnds;
 use super::queue_machine::{self, QueueMachine};
 use super::session_motion::{Desk, MotionState};
 use super::step_queue::VirtualStepQueue;
@@ -128,6 +129,11 @@ impl<O: Observer> Desk for Rehearsal<O> {
 
     fn now_ns(&self) -> u64 {
         self.steps.time.now_ns(self.steps.machine.tick())
+    }
+
+    fn follow_lines(&self, ends: Rc<LineEnds>) -> bool {
+        self.steps.machine.borrow_mut().queue_mut().follow_lines(ends);
+        true
     }
 
     fn state(&self) -> &Self::State {

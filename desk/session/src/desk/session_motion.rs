@@ -1,9 +1,12 @@
 //! The motion of a session, as traits.
 
+use std::rc::Rc;
+
 use ferrostep_printer::machine::PushedFilament;
 use ferrostep_printer::{FanDemand, Motion, Signals};
 
 use super::figures::Figures;
+use super::line_ends::LineEnds;
 use crate::limit_shares::RulesReport;
 
 /// The state of planner and motors, independent of how time passes.
@@ -61,6 +64,11 @@ pub trait Desk {
     /// Returns what another firmware's rules made of the motion; `None` if this firmware has planned it.
     fn rules(&self) -> Option<RulesReport> {
         None
+    }
+    /// Notes from now on where the motion of each source line ends; `false` if the desk does not
+    /// know it.
+    fn follow_lines(&self, _ends: Rc<LineEnds>) -> bool {
+        false
     }
     /// Planner and motors.
     fn state(&self) -> &Self::State;

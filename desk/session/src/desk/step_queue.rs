@@ -12,6 +12,7 @@ use ferrostep_printer::MAX_TOOLS;
 use ferrostep_virtual_board::{EventRate, VirtualMotors};
 
 use super::drivers::DeskDrivers;
+use super::line_ends::LineEnds;
 use super::tools::DeskExtruders;
 use super::z_motors::DeskZMotors;
 use crate::record::{AnyObserver, Observer};
@@ -57,6 +58,8 @@ pub struct VirtualStepQueue {
     /// Motion clock now, if time passes by itself. A value before the last event means the time of that event.
     now_tick: u64,
     watch: Watch,
+    /// The ends of lines, if someone follows them.
+    line_ends: Option<Rc<LineEnds>>,
 }
 
 impl VirtualStepQueue {
@@ -80,7 +83,13 @@ impl VirtualStepQueue {
             pause_tick: 0,
             now_tick: 0,
             watch: Watch { digests: StepDigests::default(), rate: EventRate::default(), observer },
+            line_ends: None,
         }
+    }
+
+    /// Notes from now on where the motion of each source line ends.
+    pub(super) fn follow_lines(&mut self, ends: Rc<LineEnds>) {
+        self.line_ends = Some(ends);
     }
 
     /// The motors, as far as the queue has been played.
@@ -207,6 +216,9 @@ impl VirtualStepQueue {
     pub fn tell_move_ends(&mut self, upto: u64) {
         while let Some((tick, line)) = self.move_ends.pop_front_if(|(tick, _)| *tick <= upto) {
             self.watch.observer.move_ended(tick, line);
+            if let Some(ends) = &self.line_ends {
+                ends.note(line, tick);
+            }
         }
     }
 }
