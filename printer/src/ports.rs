@@ -62,10 +62,11 @@ pub trait Motion {
     fn try_add(&mut self, _request: &impl Request) -> Option<Result<Moved, MotionError>> {
         None
     }
-    /// Sees a command before it is executed, with the unit of its lengths in mm. For planners by the rules of another firmware, which
-    /// reads the words of its limits in its own way.
+    /// Sees a command before it is executed, with the unit of its lengths in mm. For planners by
+    /// the rules of another firmware, which reads the words of its limits in its own way.
     fn see(&mut self, _command: &Command<'_>, _unit_mm: f64) {}
-    /// The moves up to the next one that ends its line's move are chords of an arc. The centre is seen from its start, mm.
+    /// The moves up to the next one that ends its line's move are chords of an arc. The centre is
+    /// seen from its start, mm.
     fn begin_arc(&mut self, _centre_mm: [f64; 2], _is_clockwise: bool) {}
     /// Changes a fan with the motion queued so far; waits for room.
     fn set_fan_power(&mut self, fan: FanOutput, power: u8) -> impl Future<Output = Result<(), MotionError>>;

@@ -11,7 +11,8 @@ import time
 
 from octoprint_server import OctoPrint
 
-# Outside a print OctoPrint numbers no line, so what a bad line takes from a command is never sent again, and it is asked once more.
+# Outside a print OctoPrint numbers no line, so what a bad line takes from a command is never sent
+# again, and it is asked once more.
 ASKS_AGAIN_AFTER_S = 10
 
 

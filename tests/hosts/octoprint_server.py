@@ -11,7 +11,7 @@ import requests
 import yaml
 
 PATIENCE_S = 240
-# Another program may take the port before OctoPrint does; so many ports are tried.
+# Ports to try: another program may take one before OctoPrint does.
 PORTS = 5
 # So often a person tries to connect.
 TRIES = 5
@@ -25,8 +25,9 @@ def free_port():
         return probe.getsockname()[1]
 
 
-# A line, or its answer, that was lost is asked for a second after this, s. OctoPrint's own 30 s would be half an hour for the lost lines
-# of a print; and after a second the served printer's time goes on, for which it has 2 s of motion at hand.
+# A line, or its answer, that was lost is asked for a second after this, s. OctoPrint's own 30 s
+# would be half an hour for the lost lines of a print; and after a second the served printer's time
+# continues, for which it has 2 s of motion at hand.
 REPORTS_EVERY_S = 1
 
 

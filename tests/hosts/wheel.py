@@ -51,7 +51,8 @@ print(json.dumps(seen))
 def main():
     target, folder, file, stopping = sys.argv[1:5]
     folder = pathlib.Path(folder)
-    # `linux`: the command of the tests is linked with this computer's C library, which a released wheel must not be.
+    # `linux`: the command of the tests is linked with this computer's C library, which a released
+    # wheel must not be.
     build = ["build", "--profile", "dev", "--compatibility", "linux", "--target-dir", target, "--out", str(folder)]
     subprocess.run([sys.executable, "-m", "maturin", *build], cwd=SOURCES, check=True, stdout=sys.stderr)
     (wheel,) = folder.glob("*.whl")

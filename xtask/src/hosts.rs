@@ -1,5 +1,5 @@
-//! Python environments with packages of PyPI: the hosts of the tests (OctoPrint, printcore, and Playwright, which drives a
-//! browser), and the tools that build wheels.
+//! Python environments with packages of PyPI: the hosts of the tests (OctoPrint, printcore, and
+//! Playwright, which drives a browser), and the tools that build wheels.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -17,8 +17,9 @@ pub fn install(run: &mut Run) -> Result<PathBuf, Failure> {
     environment(run, "hosts: OctoPrint, printcore, Playwright", "hosts", &installed)
 }
 
-/// Makes a Python environment in a folder of cargo's with this name, unless one from the same files exists. `installed`:
-/// arguments of `pip install`, each list ending with a file of requirements. Returns its folder.
+/// Makes a Python environment in a folder of cargo's with this name, unless one from the same files
+/// exists. `installed`: arguments of `pip install`, each list ending with a file of requirements.
+/// Returns its folder.
 ///
 /// # Errors
 /// Python or its module venv is missing, or a package cannot be installed.

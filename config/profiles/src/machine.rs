@@ -57,8 +57,8 @@ pub(crate) struct Machine {
 
 /// Reads the machine.
 ///
-/// A prepared job is bound to every key but those that are read `apart`: these change neither the plan nor the
-/// demands of the plan on the machine.
+/// A prepared job is bound to every key but those that are read `apart`: these change neither the
+/// plan nor the demands of the plan on the machine.
 pub(crate) fn profile(keys: &Section<'_>) -> Machine {
     let apart = keys.apart();
     let name = name(&apart);
@@ -248,8 +248,8 @@ fn limits(keys: &Section<'_>) -> Limits {
     }
 }
 
-/// The speed of a square corner, mm/s, if corners keep it at every acceleration. The profile then has it besides the
-/// deviation, and the two are checked against each other.
+/// The speed of a square corner, mm/s, if corners keep it at every acceleration. The profile then
+/// has it besides the deviation, and the two are checked against each other.
 fn corner_speed(keys: &Section<'_>, limits: &Limits) -> Option<f64> {
     let about = "speed in a corner of 90° at every acceleration, as Klipper's: M204 then changes the deviation, not the speed; it is the \
                  one that `junction_deviation_mm` makes at `acceleration_mm_per_s2.print`";

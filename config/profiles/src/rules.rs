@@ -1,4 +1,5 @@
-//! The firmware by whose rules a print's time is planned, and those of its limits that no other key has.
+//! The firmware by whose rules a print's time is planned, and those of its limits that
+//! no other key has.
 
 use ferrostep_checked_toml::{Range, Section, range};
 
@@ -45,15 +46,18 @@ impl PlannedBy {
 pub struct RuleKeys {
     /// The rules that hold where a command names none.
     pub planned_by: PlannedBy,
-    /// Speed in a corner of 90 degrees at every acceleration, mm/s, where the profile says it (Klipper).
+    /// Speed in a corner of 90 degrees at every acceleration, mm/s, where the profile
+    /// says it (Klipper).
     pub square_corner_velocity_mm_per_s: Option<f64>,
     /// Share of a short move that is not spent on accelerating, 0 to less than 1 (Klipper).
     pub minimum_cruise_ratio: f64,
-    /// Change of the speed of X, Y, Z and E at a corner, mm/s (Marlin's classic jerk, RepRapFirmware).
+    /// Change of the speed of X, Y, Z and E at a corner, mm/s (Marlin's classic jerk,
+    /// RepRapFirmware).
     pub jerk_mm_per_s: Option<[f64; 4]>,
     /// Length of the chords that arcs are cut into, mm (Klipper, Marlin).
     pub arc_chord_mm: f64,
-    /// Moves that the firmware plans together; `None`: as many as it has by itself (Marlin, RepRapFirmware).
+    /// Moves that the firmware plans together; `None`: as many as it has by itself (Marlin,
+    /// RepRapFirmware).
     pub queued_moves: Option<usize>,
     /// True if moves of different kinds join without a stop (RepRapFirmware).
     pub joins_all_kinds: bool,

@@ -276,10 +276,12 @@ impl Simulation {
         Ok(measures.finish(time_s).0)
     }
 
-    /// Plays the steps on a machine and measures them. A job that stops at a line is measured up to there, and the reason returned beside.
+    /// Plays the steps on a machine and measures them. A job that stops at a line is measured up to
+    /// there, and the reason returned beside.
     ///
     /// # Errors
-    /// The trace is damaged, the path belongs to another job, or the machine's numbers are out of range.
+    /// The trace is damaged, the path belongs to another job, or the machine's numbers
+    /// are out of range.
     pub fn run(
         self,
         machine: &Machine,
@@ -380,7 +382,8 @@ fn all_of(input: &mut Input) -> Result<Vec<u8>, SimulationError> {
     Ok(text)
 }
 
-/// Returns true if the lines of a text say where the nozzle goes, without what the desk stands in for.
+/// Returns true if the lines of a text say where the nozzle goes, without what the
+/// desk stands in for.
 fn says_path(text: &[u8], profile: &Profile) -> bool {
     if !macros::has_names(text) {
         return true;

@@ -24,7 +24,8 @@ use crate::without_commands::{Dropped, WithoutCommands};
 
 pub use values::{Values, ValuesError};
 
-/// The keys that `--acceleration` changes: both kinds of moves, and the axes that would hold them back.
+/// The keys that `--acceleration` changes: both kinds of moves, and the axes that
+/// would hold them back.
 pub const ACCELERATION_KEYS: [&str; 4] = [
     "acceleration_mm_per_s2.print",
     "acceleration_mm_per_s2.travel",
@@ -47,7 +48,8 @@ const FILTERS: [&str; 5] = ["M593", "SET_INPUT_SHAPER", "M900", "M572", "SET_PRE
 /// Tables of the profile which those set.
 const FILTER_TABLES: [&str; 2] = ["input_shaper", "pressure_advance"];
 
-/// Keys from which accelerations follow for the profile's own filters, so that the job may set neither.
+/// Keys from which accelerations follow for the profile's own filters, so that the job
+/// may set neither.
 const BUDGET_KEYS: [&str; 2] = [ERROR_BUDGET_KEY, "frame"];
 
 /// Keys, and the values that they take together.
@@ -111,8 +113,8 @@ pub struct Row {
     /// Largest accelerations of X and Y that follow from an error budget, mm/s^2.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub acceleration_mm_per_s2: Option<[f64; 2]>,
-    /// Distance from the path that the nozzle stays within in 99 % of the printing time, um: the worst of the frames that the profile
-    /// allows for.
+    /// Distance from the path that the nozzle stays within in 99 % of the printing time, um: the
+    /// worst of the frames that the profile allows for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_um: Option<f64>,
     /// Error that stops the job with this value.
@@ -226,7 +228,8 @@ pub(crate) fn dropped(keys: &[String]) -> Dropped {
     Dropped::new([limits, filters].concat())
 }
 
-/// Reads a profile from its table. The line of a problem is left out: the table is not the file's text.
+/// Reads a profile from its table. The line of a problem is left out: the table is not
+/// the file's text.
 fn checked(table: &Table, name: &str) -> Result<Profile, SweepError> {
     ferrostep_profiles::parse(&table.to_string(), name)
         .map_err(|error| SweepError::Profile(format!("{name}: {}", error.problem())))
@@ -248,7 +251,8 @@ fn machine(table: &Table, name: &str, asked: Option<PlannedBy>) -> Result<Machin
     Ok(Machine { profile, by })
 }
 
-/// Lets the deviation at corners follow a changed acceleration where the profile has the speed of corners, as M204 does.
+/// Lets the deviation at corners follow a changed acceleration where the profile has the speed of
+/// corners, as M204 does.
 fn hold_corner_speed(table: &mut Table, keys: &[String]) {
     let number = |value: &Value| value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64));
     let speed = table.get("square_corner_velocity_mm_per_s").and_then(number);

@@ -36,7 +36,8 @@ pub fn open(job: &JobArguments) -> Result<(Profile, Input), String> {
     Ok((profile, input))
 }
 
-/// The planner of another firmware that a command names, or else the profile; `None` for the rules of this firmware.
+/// The planner of another firmware that a command names, or else the profile; `None` for the rules
+/// of this firmware.
 pub fn by_rules(profile: &Profile, name_or_path: &str, asked: Option<PlannedBy>) -> Result<Option<ByRules>, String> {
     let text = ferrostep_profiles::text(name_or_path).map_err(|error| error.to_string())?;
     let keys = ferrostep_profiles::rules(&text, name_or_path).map_err(|error| error.to_string())?;
@@ -90,11 +91,11 @@ pub fn run<D: Desk>(
     let mut watch = Watch::new(profile, session.replies().remarks());
     let ends = Rc::new(LineEnds::default());
     let follows = job.json && !input.is_prepared() && session.desk().follow_lines(Rc::clone(&ends));
-    let mut parts = follows.then(|| {
-        Parts::new(ends, || (session.desk().now_ns() as f64 * 1e-9, session.desk().state().tick()))
-    });
+    let mut parts =
+        follows.then(|| Parts::new(ends, || (session.desk().now_ns() as f64 * 1e-9, session.desk().state().tick())));
     let outcome = if input.is_prepared() {
-        // A prepared job is planned already, and most of it fits into the look-ahead: only its execution takes time.
+        // A prepared job is planned already, and most of it fits into the look-ahead: only its
+        // execution takes time.
         let job = gpre::play_from(from, &mut input, profile, &mut printer, &mut done, look);
         session.run_with(job, |session| progress.pass_time(|| session.figures()))
     } else {

@@ -87,9 +87,11 @@ pub struct JobProgress {
     pub layers: u32,
     /// Time of the print by the slicer's comment, s.
     pub slicer_time_s: Option<f64>,
-    /// Motion of all of the job, s, where its file says it: a prepared job that is executed from its beginning.
+    /// Motion of all of the job, s, where its file says it: a prepared job that is executed
+    /// from its beginning.
     pub motion_time_s: Option<f64>,
-    /// The lines alone do not say where the nozzle goes, since the desk has stood in for macros or commands of state.
+    /// The lines alone do not say where the nozzle goes, since the desk has stood in for macros or
+    /// commands of state.
     pub stands_in: bool,
 }
 
@@ -99,7 +101,8 @@ pub trait Onlooker<P: Ports> {
     fn begins(&mut self, printer: &Printer<'_, P>, line: u32, text: &str);
     /// Called after the line was executed without an error.
     fn ended(&mut self, printer: &Printer<'_, P>);
-    /// Called with a slicer's mark and the line of its comment, before that line and those after it.
+    /// Called with a slicer's mark and the line of its comment, before that line
+    /// and those after it.
     fn marked(&mut self, _line: u32, _mark: &Mark) {}
     /// Called with a remark on a line for which the desk stands in.
     fn remarked(&mut self, _kind: RemarkKind, _line: u32, _message: &str) {}
@@ -163,8 +166,8 @@ impl<P: Ports, A: Onlooker<P>, B: Onlooker<P>> Onlooker<P> for (&mut A, &mut B) 
 
 /// Executes all lines of `input` and waits for the end of their motion.
 ///
-/// A line that cannot be executed ends the job: the moves before it are finished, and the line has no effect. `look` is
-/// called after each portion of the file.
+/// A line that cannot be executed ends the job: the moves before it are finished, and the line has
+/// no effect. `look` is called after each portion of the file.
 pub async fn run<P: Ports>(
     input: &mut impl Read,
     printer: &mut Printer<'_, P>,

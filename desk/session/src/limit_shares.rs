@@ -27,9 +27,9 @@ pub struct RulesReport {
 
 /// The shares so far.
 ///
-/// The time at a move's largest speed is that of the limit of this speed. A ramp belongs to the limit at its slower end by the ratio of
-/// the two speeds, and for the rest to the acceleration: one that hardly changes the speed is held by the corner, one from rest by the
-/// acceleration.
+/// The time at a move's largest speed is that of the limit of this speed. A ramp belongs to the
+/// limit at its slower end by the ratio of the two speeds, and for the rest to the acceleration:
+/// one that hardly changes the speed is held by the corner, one from rest by the acceleration.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Shares {
     rows: Vec<(Limit, f64, u64)>,

@@ -1,5 +1,6 @@
-//! Commands of Klipper's that a file expects and the profile lacks: the desk stands in for them, so that a file that people have for
-//! their own printer is rehearsed to its end. A board does nothing of this.
+//! Commands of Klipper's that a file expects and the profile lacks: the desk stands in for them,
+//! so that a file that people have for their own printer is rehearsed to its end. A board does
+//! nothing of this.
 
 mod first_targets;
 mod gcode_states;
@@ -22,7 +23,8 @@ use gcode_states::GcodeStates;
 use offsets::Offsets;
 use start::{Call, Start};
 
-/// True if the command line asks for macros as a board has them: it counts for each job that begins.
+/// True if the command line asks for macros as a board has them: it counts for each
+/// job that begins.
 static AS_ON_A_BOARD: AtomicBool = AtomicBool::new(false);
 
 /// The treatment of a file's named commands that the printer does not execute.
@@ -55,7 +57,8 @@ pub(crate) struct FileMacros {
     offsets: Offsets,
     /// A move has pushed filament: the print has begun.
     has_extruded: bool,
-    /// The lines alone do not say where the nozzle goes: a start was assumed, or a state or an offset has changed what they mean.
+    /// The lines alone do not say where the nozzle goes: a start was assumed, or a state or an
+    /// offset has changed what they mean.
     pub stands_in: bool,
 }
 

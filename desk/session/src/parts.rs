@@ -1,6 +1,7 @@
 //! The parts of a print, with their times: layers, features, objects and pauses.
 //!
-//! Their times are those of the motion, without waits for heat and homing. A pause has the time of the print at which it begins.
+//! Their times are those of the motion, without waits for heat and homing. A pause has the time of
+//! the print at which it begins.
 
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -17,7 +18,8 @@ use crate::job::Onlooker;
 use crate::macros::value_of;
 use crate::watch::PAUSES;
 
-/// Most parts of a kind that are listed; a broken file could have any number. Further ones are left out.
+/// Most parts of a kind that are listed; a broken file could have any number. Further
+/// ones are left out.
 const MAX_PARTS: usize = 100_000;
 
 /// Commands that home or probe, whose motion is no part of the print's.
@@ -83,7 +85,8 @@ struct Place {
     object: Option<usize>,
 }
 
-/// Follows a job, and adds up what belongs to its parts. `F` is the present time: of the print, s, and of the motion clock, ticks.
+/// Follows a job, and adds up what belongs to its parts. `F` is the present time: of the print, s,
+/// and of the motion clock, ticks.
 pub struct Parts<F> {
     now: F,
     ends: Rc<LineEnds>,

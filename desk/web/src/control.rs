@@ -1,4 +1,4 @@
-//! What a person at the machine does by hand, and the lines of G-code that do it.
+//! Actions of a person at the machine, and the lines of G-code that do them.
 
 use serde::Deserialize;
 
@@ -86,7 +86,8 @@ impl Control {
         Ok(control)
     }
 
-    /// Returns true for what may act in a print: it changes neither the path nor the temperatures that the file asks for.
+    /// Returns true for what may act in a print: it changes neither the path nor the temperatures
+    /// that the file asks for.
     #[must_use]
     pub const fn acts_in_a_print(self) -> bool {
         matches!(self, Self::Fan { .. } | Self::Offset { .. })

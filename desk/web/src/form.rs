@@ -1,4 +1,5 @@
-//! A slicer's upload: a form with one file and some words, which goes to a temporary file as it comes.
+//! A slicer's upload: a form with one file and some words, which goes to a temporary
+//! file as it comes.
 
 use std::io::{self, Read, Write};
 
@@ -32,7 +33,8 @@ pub struct Form {
 /// Receives a form, whose body `body` reads to its end.
 ///
 /// # Errors
-/// The answer to a form that is broken, has other fields, names a folder, or whose file cannot be kept.
+/// The answer to a form that is broken, has other fields, names a folder, or whose
+/// file cannot be kept.
 pub fn receive(body: impl Read + Send, content_type: Option<&str>) -> Result<Form, Answer> {
     let boundary = multer::parse_boundary(content_type.unwrap_or_default()).map_err(|_| {
         Answer::text(400, "an upload is a form: send it as multipart/form-data, with its boundary in Content-Type")

@@ -1,4 +1,5 @@
-//! Who may speak to the printer: the token, the slicers' key, and the names by which the server is called.
+//! Who may speak to the printer: the token, the slicers' key, and the names by which the
+//! server is called.
 
 use std::fmt;
 use std::fmt::Write;
@@ -12,7 +13,8 @@ const TOKEN_BYTES: usize = 16;
 /// Shortest and longest key that a person chooses.
 const KEY_CHARACTERS: std::ops::RangeInclusive<usize> = 8..=128;
 
-/// A secret of the server: its page's, new each time, or the key of slicers. Whoever has it controls the printer.
+/// A secret of the server: its page's, new each time, or the key of slicers. Whoever has it
+/// controls the printer.
 #[derive(Clone)]
 pub struct Token(String);
 
@@ -51,8 +53,8 @@ impl Token {
         &self.0
     }
 
-    /// Returns true if this text is the token. The time taken says nothing about the token: hashes are compared, and
-    /// whole.
+    /// Returns true if this text is the token. The time taken says nothing about the token: hashes
+    /// are compared, and whole.
     #[must_use]
     pub fn is(&self, text: &[u8]) -> bool {
         let (own, other) = (Sha256::digest(self.0.as_bytes()), Sha256::digest(text));
@@ -66,8 +68,8 @@ impl fmt::Debug for Token {
     }
 }
 
-/// The address of a server, by which its clients must call it. A web site whose name leads to this computer (DNS rebinding) calls it
-/// by that name, and so do its pages' requests.
+/// The address of a server, by which its clients must call it. A web site whose name leads to this
+/// computer (DNS rebinding) calls it by that name, and so do its pages' requests.
 #[derive(Clone, Copy, Debug)]
 pub struct Names {
     bound: SocketAddr,
@@ -79,9 +81,9 @@ impl Names {
         Self { bound }
     }
 
-    /// Returns true if a `Host` header means this server: `localhost` or a loopback address with its port; if it is
-    /// bound to another address, that one or, bound to all of them, any address, but no other name. PrusaSlicer leaves the
-    /// port out on Windows.
+    /// Returns true if a `Host` header means this server: `localhost` or a loopback address with
+    /// its port; if it is bound to another address, that one or, bound to all of them, any address,
+    /// but no other name. PrusaSlicer leaves the port out on Windows.
     pub fn is_host(&self, host: &str) -> bool {
         let (name, port) = split(host);
         if port.is_some_and(|port| port.parse() != Ok(self.bound.port())) {

@@ -136,7 +136,8 @@ impl<P: Printer> Room<P> {
         done(self.printer.upload(upload))
     }
 
-    /// Begins an upload, if the printer would take it: no other one is under way while the result is kept.
+    /// Begins an upload, if the printer would take it: no other one is under way while
+    /// the result is kept.
     ///
     /// # Errors
     /// Another file comes, or one is being printed.

@@ -46,7 +46,8 @@ impl Default for Limits {
     }
 }
 
-/// A running server. It ends when this is dropped; answers under way continue for as long as their limits let them.
+/// A running server. It ends when this is dropped; answers under way continue for as long as their
+/// limits let them.
 #[derive(Debug)]
 pub struct Server {
     address: SocketAddr,
@@ -56,8 +57,8 @@ pub struct Server {
 }
 
 impl Server {
-    /// Serves a printer's page at an address; port 0 takes a free one. `key`: the key of slicers; without it those of this
-    /// computer need none, and others are refused.
+    /// Serves a printer's page at an address; port 0 takes a free one. `key`: the key of slicers;
+    /// without it those of this computer need none, and others are refused.
     ///
     /// # Errors
     /// The address is in use or not this computer's.
@@ -94,8 +95,8 @@ impl Server {
         self.address
     }
 
-    /// The page's address with the token, for a person. The token is in the fragment, which no browser sends to a
-    /// server.
+    /// The page's address with the token, for a person. The token is in the fragment, which no
+    /// browser sends to a server.
     #[must_use]
     pub fn url(&self) -> String {
         format!("http://{}/#{}", self.address, self.token.text())
@@ -181,7 +182,8 @@ fn serve<P: Printer>(stream: &TcpStream, room: &Room<P>) {
     }
 }
 
-/// Reads what a refused client still sends: if the connection were closed on it, the client's system would throw the answer away.
+/// Reads what a refused client still sends: if the connection were closed on it, the client's
+/// system would throw the answer away.
 fn drain(stream: &TcpStream) {
     if stream.shutdown(Shutdown::Write).is_ok() {
         let _ = io::copy(&mut Deadline::new(stream, DRAIN).take(MAX_DRAINED_BYTES), &mut io::sink());

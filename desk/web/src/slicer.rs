@@ -1,4 +1,5 @@
-//! The part of OctoPrint's interface that slicers use to send a file: its paths below `/api/`, its words for a printer's state.
+//! The part of OctoPrint's interface that slicers use to send a file: its paths below `/api/`, its
+//! words for a printer's state.
 
 use std::fmt::Write;
 use std::net::TcpStream;
@@ -52,7 +53,8 @@ impl<P: Printer> Room<P> {
         }
     }
 
-    /// Checks the key, in `X-Api-Key` or after `Bearer`. Without a key of a person's choice this computer's slicers need none.
+    /// Checks the key, in `X-Api-Key` or after `Bearer`. Without a key of a person's choice this
+    /// computer's slicers need none.
     fn may_send(&self, request: &Request, stream: &TcpStream) -> Result<(), Answer> {
         let is_here = stream.peer_addr().is_ok_and(|peer| peer.ip().to_canonical().is_loopback());
         let sent = request.key.as_deref().or(request.token.as_deref()).filter(|key| !key.is_empty());
@@ -139,7 +141,8 @@ const fn words(activity: Activity) -> &'static str {
     }
 }
 
-/// The settings that slicers ask for: no card to write to, no camera, nothing to wait for after an upload.
+/// The settings that slicers ask for: no card to write to, no camera, nothing to wait for
+/// after an upload.
 fn settings(state: &State) -> Value {
     json!({
         "api": {"enabled": true, "allowCrossOrigin": false},

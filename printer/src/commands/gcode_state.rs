@@ -1,5 +1,5 @@
-//! The state in which lines of G-code are read, and an assumed place: for a desk that stands in for macros that a profile lacks. A board
-//! has them or not, and its image links nothing of this.
+//! The state in which lines of G-code are read, and an assumed place: for a desk that stands in for
+//! macros that a profile lacks. A board has them or not, and its image links nothing of this.
 
 use ferrostep_gcode::Units;
 
@@ -60,8 +60,9 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.profile
     }
 
-    /// Takes the machine for homed, with the nozzle at a machine position or, outside the travel, at the end that is nearest. No axis
-    /// moves. An offset of SET_GCODE_OFFSET stays, as through homing.
+    /// Takes the machine for homed, with the nozzle at a machine position or, outside the
+    /// travel, at the end that is nearest. No axis moves. An offset of SET_GCODE_OFFSET stays,
+    /// as through homing.
     ///
     /// # Errors
     /// Motion was stopped before.

@@ -1,4 +1,5 @@
-//! Files that people slice for Klipper: macros that the profile lacks, and commands of state, are stood in for on the desk.
+//! Files that people slice for Klipper: macros that the profile lacks, and commands of state, are
+//! stood in for on the desk.
 
 use std::fs;
 use std::path::{Path, PathBuf};

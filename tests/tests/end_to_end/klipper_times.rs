@@ -1,4 +1,5 @@
-//! Print times by Klipper's rules beside those of Klipper's own look-ahead, for five imported machines and the ten examples.
+//! Print times by Klipper's rules beside those of Klipper's own look-ahead, for five imported
+//! machines and the ten examples.
 //!
 //! `times.csv` is the output of `tests/hosts/klipper_times.py`, which says how.
 

@@ -86,7 +86,8 @@ fn the_position_and_the_filament_are_those_of_every_estimate() {
     }
 }
 
-/// Without rules nothing is new; with them the summary names them, and their limits share all of the motion.
+/// Without rules nothing is new; with them the summary names them, and their limits share
+/// all of the motion.
 #[test]
 fn the_summary_says_by_which_rules_and_what_held() {
     let own = estimate(MOVE, "own");

@@ -7,7 +7,8 @@ use serde_json::{Value, json};
 
 use crate::end_to_end::command::{directory, ferrostep, file, repository};
 
-/// Contradictions of a value to a schema, with their places; only the words that the book's schema uses are known.
+/// Contradictions of a value to a schema, with their places; only the words that the book's
+/// schema uses are known.
 fn faults(schema: &Value, value: &Value, place: &str) -> Vec<String> {
     const KNOWN: [&str; 10] = [
         "$schema",

@@ -107,7 +107,8 @@ fn a_file_that_is_refused_changes_nothing() {
     assert_eq!(printer.end()["moves"], 0);
 }
 
-/// This computer's slicers need no key where none is set; one that is sent all the same is not what its sender believes.
+/// This computer's slicers need no key where none is set; one that is sent all the same is not what
+/// its sender believes.
 #[test]
 fn without_a_key_this_computer_sends_without_one() {
     let mut printer = Printer::at_page(&["--speed", "max"]);

@@ -1,9 +1,10 @@
 //! A release: a folder with all files that users get and need to check them.
 //!
-//! Images of all boards, the `ferrostep` command for this machine with its completions and manual pages, an archive of
-//! these, a parts list (SBOM, CycloneDX) and the notices of others for each, the licence texts, this version's part of
-//! the changelog, and the SHA-256 of every file. On request the command for other systems, as wheels and archives, and the
-//! recipes of package managers.
+//! Images of all boards, the `ferrostep` command for this machine with its completions and
+//! manual pages, an archive of these, a parts list (SBOM, CycloneDX) and the notices of others
+//! for each, the licence texts, this version's part of the changelog, and the SHA-256 of every
+//! file. On request the command for other systems, as wheels and archives, and the recipes of
+//! package managers.
 
 mod recipes;
 mod systems;
@@ -28,11 +29,12 @@ pub struct Options {
     /// `vVERSION`, or the list of known vulnerabilities cannot be read
     #[arg(long)]
     trial: bool,
-    /// Builds the command for Linux on x86-64 and ARM and for Windows, as wheels for pip and as archives
+    /// Builds the command for Linux on x86-64 and ARM and for Windows, as wheels for
+    /// pip and as archives
     #[arg(long)]
     wheels: bool,
-    /// The public address below which the release will be, for the recipes of Homebrew and the AUR; Cargo.toml's `repository` by
-    /// default, without which none are written
+    /// The public address below which the release will be, for the recipes of Homebrew and the AUR;
+    /// Cargo.toml's `repository` by default, without which none are written
     #[arg(long, value_name = "URL", requires = "wheels", default_value = env!("CARGO_PKG_REPOSITORY"))]
     repository: String,
 }
@@ -126,8 +128,8 @@ fn write_manual(program: &Path, folder: &Path) -> Result<(), Failure> {
 const BESIDE_THE_COMMAND: [&str; 7] =
     ["completions", "man", "LICENSE-APACHE", "LICENSE-MIT", "NOTICES-cli.md", "CHANGES.md", "ferrostep-cli.cdx.json"];
 
-/// Packs a system's command with the completions, pages, licences and notices, the same bytes each time: by tar and gzip, if
-/// they are GNU's.
+/// Packs a system's command with the completions, pages, licences and notices, the same bytes each
+/// time: by tar and gzip, if they are GNU's.
 fn write_archive(folder: &Path, version: &str, triple: &str, program: &Path) -> Result<(), Failure> {
     if !cfg!(target_os = "linux") {
         eprintln!("    an archive is made on Linux only");

@@ -11,7 +11,8 @@ use super::values::{key_and_value, key_and_values, rules};
 /// Arguments of `show`.
 #[derive(clap::Args)]
 pub struct ShowArguments {
-    /// The job: G-code, as text or binary (.bgcode), plain or gzip, or a sliced 3MF, or a prepared job; - is standard input.
+    /// The job: G-code, as text or binary (.bgcode), plain or gzip, or a sliced 3MF, or a prepared
+    /// job; - is standard input.
     pub file: PathBuf,
     /// The plate of a 3MF.
     #[command(flatten)]
@@ -57,11 +58,12 @@ pub struct CompareArguments {
     /// The machine of B.
     #[arg(long, value_name = "NAME|PATH")]
     pub profile_b: Option<String>,
-    /// Gives a key of B's profile this value: junction_deviation_mm=0.02. The jobs' own commands that would hold over it are left out of
-    /// both. Can be repeated.
+    /// Gives a key of B's profile this value: junction_deviation_mm=0.02. The jobs' own commands
+    /// that would hold over it are left out of both. Can be repeated.
     #[arg(long, value_name = "KEY=VALUE", value_parser = key_and_value)]
     pub set: Vec<(String, f64)>,
-    /// Frequency of the frame in X, 1 to 1000 Hz: measures the contour error, too [default: that of Y].
+    /// Frequency of the frame in X, 1 to 1000 Hz: measures the contour error, too
+    /// [default: that of Y].
     #[arg(long, value_name = "HZ")]
     pub frequency_x: Option<f64>,
     /// Frequency of the frame in Y [default: that of X].
@@ -90,21 +92,24 @@ pub struct SweepArguments {
     /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
     #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
     pub profile: String,
-    /// Accelerations of printing and travel moves, and the most that X and Y may have, mm/s^2: a range, each value twice the one
-    /// before (500..16000), or a list (500,1000,3000).
+    /// Accelerations of printing and travel moves, and the most that X and Y may have, mm/s^2: a
+    /// range, each value twice the one before (500..16000), or a list (500,1000,3000).
     #[arg(long, value_name = "VALUES")]
     pub acceleration: Option<Values>,
-    /// Error budgets, mm, from which the accelerations of X and Y follow: a range or a list, as above.
+    /// Error budgets, mm, from which the accelerations of X and Y follow: a range or
+    /// a list, as above.
     #[arg(long, value_name = "VALUES")]
     pub error_budget: Option<Values>,
-    /// Any other key of the profile that is a number, with its values: junction_deviation_mm=0.005..0.08. Given more than once, the
-    /// keys change together.
+    /// Any other key of the profile that is a number, with its values:
+    /// junction_deviation_mm=0.005..0.08. Given more than once, the keys change together.
     #[arg(long, value_name = "KEY=VALUES", value_parser = key_and_values)]
     pub set: Vec<(String, Values)>,
-    /// Simulates the error with each value, too: on the profile's frame as it was measured, and as soft and as stiff as it may be.
+    /// Simulates the error with each value, too: on the profile's frame as it was measured, and as
+    /// soft and as stiff as it may be.
     #[arg(long)]
     pub simulate: bool,
-    /// The firmware by whose rules the file is planned [default: that of the profile's rules.planned_by].
+    /// The firmware by whose rules the file is planned [default: that of the profile's
+    /// rules.planned_by].
     #[arg(long, value_name = "RULES", value_parser = rules())]
     pub rules: Option<PlannedBy>,
     /// Prints the result as one JSON object.

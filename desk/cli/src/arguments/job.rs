@@ -13,8 +13,9 @@ pub struct PlateArgument {
 /// The treatment of macros that the profile lacks.
 #[derive(clap::Args)]
 pub struct MacroArgument {
-    /// Gives macros that the profile lacks no effect, and refuses commands that only the desk executes, as a board does. Otherwise a
-    /// macro at the beginning of the file is taken for the machine's start: homed and heated.
+    /// Gives macros that the profile lacks no effect, and refuses commands that only the desk
+    /// executes, as a board does. Otherwise a macro at the beginning of the file is taken for the
+    /// machine's start: homed and heated.
     #[arg(long)]
     pub strict_macros: bool,
 }
@@ -22,7 +23,8 @@ pub struct MacroArgument {
 /// Arguments that `print`, `preprocess` and `estimate` share.
 #[derive(clap::Args)]
 pub struct JobArguments {
-    /// The job: G-code, as text or binary (.bgcode), plain or gzip, or a sliced 3MF; `print` also takes a prepared job; - is standard input.
+    /// The job: G-code, as text or binary (.bgcode), plain or gzip, or a sliced 3MF; `print` also
+    /// takes a prepared job; - is standard input.
     pub file: PathBuf,
     /// The plate of a 3MF.
     #[command(flatten)]
@@ -33,8 +35,9 @@ pub struct JobArguments {
     /// Prints the result as one JSON object.
     #[arg(long)]
     pub json: bool,
-    /// Ends with exit status 1 if there are remarks: lines without effect, or executed differently from their text, moves before
-    /// homing or outside the travel, pauses, too much flow, heaters left on.
+    /// Ends with exit status 1 if there are remarks: lines without effect, or executed
+    /// differently from their text, moves before homing or outside the travel, pauses, too much
+    /// flow, heaters left on.
     #[arg(long)]
     pub strict: bool,
 }

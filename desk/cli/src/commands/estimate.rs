@@ -11,7 +11,8 @@ use crate::arguments::JobArguments;
 use crate::job::{self, open, replies};
 use crate::progress::Progress;
 
-/// Plans the job without making its steps, by the rules that are asked for or else the profile's, and reports time and material.
+/// Plans the job without making its steps, by the rules that are asked for or else the profile's,
+/// and reports time and material.
 pub fn run(arguments: &JobArguments, rules: Option<PlannedBy>) -> Result<ExitCode, String> {
     let (profile, input) = open(arguments)?;
     if input.is_prepared() {

@@ -61,7 +61,8 @@ impl Reading<'_> {
         self.e_of_several();
     }
 
-    /// Marlin plans in its own way: with junction deviation, or with the jerk that it had before and that CLASSIC_JERK keeps.
+    /// Marlin plans in its own way: with junction deviation, or with the jerk that it had before
+    /// and that CLASSIC_JERK keeps.
     fn rules(&mut self, jerk: Option<(&str, f64)>) {
         const BY: &str = "rules.planned_by";
         let is_older = self.get("JUNCTION_DEVIATION_MM").is_none() && jerk.is_some();

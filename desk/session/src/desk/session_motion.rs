@@ -19,7 +19,8 @@ pub trait MotionState {
     fn fan_demand(&self) -> FanDemand;
     /// Mask of the motors that have current.
     fn enabled_motors(&self) -> u8;
-    /// Plans block by block, for comparison: see [`ferrostep_planner::Planner::plan_block_by_block`].
+    /// Plans block by block, for comparison: see
+    /// [`ferrostep_planner::Planner::plan_block_by_block`].
     fn plan_block_by_block(&self) -> bool;
     /// The counts so far, without the print's time.
     fn figures(&self) -> Figures;
@@ -46,7 +47,8 @@ pub trait Desk {
     /// Planner and motors.
     type State: MotionState;
 
-    /// True if it makes every step. Otherwise it is an estimate, whose cost must not grow with the print's time.
+    /// True if it makes every step. Otherwise it is an estimate, whose cost must not grow with
+    /// the print's time.
     const MAKES_STEPS: bool;
 
     /// The motion, as commands see it; a halt ends their waits.
@@ -57,11 +59,13 @@ pub trait Desk {
     fn wait_until(&self, wake_ns: u64);
     /// Virtual time since the machine was switched on.
     fn now_ns(&self) -> u64;
-    /// Returns the extruder's present state; `None` where time leaps, so that no sensor could follow it.
+    /// Returns the extruder's present state; `None` where time leaps, so that no sensor
+    /// could follow it.
     fn extruder_now(&self) -> Option<ExtruderNow> {
         None
     }
-    /// Returns what another firmware's rules made of the motion; `None` if this firmware has planned it.
+    /// Returns what another firmware's rules made of the motion; `None` if this
+    /// firmware has planned it.
     fn rules(&self) -> Option<RulesReport> {
         None
     }

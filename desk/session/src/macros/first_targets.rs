@@ -10,8 +10,8 @@ use crate::command_code::code;
 /// Maximum number of bytes kept of a line.
 const KEPT_BYTES: usize = 200;
 
-/// Keys of the slicers' settings for the nozzle and the bed, the first layer's before the others' (PrusaSlicer and its family, OrcaSlicer
-/// and Bambu Studio).
+/// Keys of the slicers' settings for the nozzle and the bed, the first layer's before the others'
+/// (PrusaSlicer and its family, OrcaSlicer and Bambu Studio).
 const NOZZLE_KEYS: [&str; 4] =
     ["first_layer_temperature", "nozzle_temperature_initial_layer", "temperature", "nozzle_temperature"];
 const BED_KEYS: [&str; 5] = [

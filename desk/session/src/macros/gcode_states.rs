@@ -1,6 +1,7 @@
 //! SAVE_GCODE_STATE and RESTORE_GCODE_STATE: modes, offsets, percentages and the place, by names.
 //!
-//! Source: Klipper's *G-Codes* and `klippy/extras/gcode_move.py`: E keeps the value that it had when the state was noted.
+//! Source: Klipper's *G-Codes* and `klippy/extras/gcode_move.py`: E keeps the value that it had
+//! when the state was noted.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,5 @@
-//! A macro at the beginning of a file that the profile lacks is taken for the machine's start: it homes and heats.
+//! A macro at the beginning of a file that the profile lacks is taken for the machine's start: it
+//! homes and heats.
 
 use ferrostep_gcode::{AxisWords, Command, Decimal, Units, parse};
 use ferrostep_hal_shim::Heater;
@@ -9,13 +10,15 @@ use super::lines;
 use super::words::Words;
 use crate::ahead::Ahead;
 
-/// Least value of a word that is a temperature of the nozzle: below are diameters and numbers of tools.
+/// Least value of a word that is a temperature of the nozzle: below are diameters and
+/// numbers of tools.
 const MIN_NOZZLE_CELSIUS: f64 = 100.0;
 
 /// Least value of a word that is a temperature of the bed or the chamber.
 const MIN_BED_CELSIUS: f64 = 20.0;
 
-/// Degrees above the lowest temperature for extruding at which a nozzle without a target is assumed: a wait ends a little below.
+/// Degrees above the lowest temperature for extruding at which a nozzle without a target is
+/// assumed: a wait ends a little below.
 const ABOVE_LOWEST_CELSIUS: f64 = 10.0;
 
 /// Beginnings of names that are Klipper's own commands and no macros of a person's.
@@ -89,7 +92,8 @@ impl Temperatures {
     }
 }
 
-/// A macro that may be the start: the next move shows whether the file has homed and heated by other lines.
+/// A macro that may be the start: the next move shows whether the file has homed and
+/// heated by other lines.
 #[derive(Debug)]
 pub(super) struct Call {
     /// Its line.
@@ -130,8 +134,8 @@ impl Start {
         self.first_targets.read(portion);
     }
 
-    /// A macro is called that may be the start: the heaters of its words are set. Returns this call, or the one before, if it is not
-    /// the start.
+    /// A macro is called that may be the start: the heaters of its words are set. Returns this
+    /// call, or the one before, if it is not the start.
     ///
     /// # Errors
     /// The printer refuses a temperature.
@@ -169,7 +173,8 @@ impl Start {
         self.call.take()
     }
 
-    /// Takes a call for the machine's start. Returns a remark that says what was assumed; `None`: other lines have homed and heated.
+    /// Takes a call for the machine's start. Returns a remark that says what was assumed; `None`:
+    /// other lines have homed and heated.
     ///
     /// # Errors
     /// The printer refuses a temperature.
@@ -204,7 +209,8 @@ impl Start {
         Ok(Some(remark + &heated + " --strict-macros gives it no effect, as on a board"))
     }
 
-    /// Homes all axes before a line that homes or probes some, if they only count as homed: the motors are elsewhere.
+    /// Homes all axes before a line that homes or probes some, if they only count as homed: the
+    /// motors are elsewhere.
     ///
     /// # Errors
     /// Homing fails.
@@ -232,7 +238,8 @@ impl Start {
         self.unknown != [false; 3]
     }
 
-    /// Learns from a line, before it is executed, where the nozzle is: a first move to a place begins there.
+    /// Learns from a line, before it is executed, where the nozzle is: a first move to a
+    /// place begins there.
     ///
     /// # Errors
     /// Motion was stopped before.

@@ -2,7 +2,8 @@
 
 use ferrostep_gcode::Decimal;
 
-/// The words after a command's name. Keys count in upper and lower case; a pair of quotes holds blanks together.
+/// The words after a command's name. Keys count in upper and lower case; a pair of quotes holds
+/// blanks together.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Words<'a>(&'a str);
 

@@ -20,7 +20,8 @@ const ALL_MOTORS: u8 = 0b1111;
 /// Motion that is planned before the desk lets time pass.
 const LEAP_TICKS: u64 = TICKS_PER_SECOND as u64 / 10;
 
-/// Motion by another firmware's rules; homing, and what only sets a state, is that of this firmware.
+/// Motion by another firmware's rules; homing, and what only sets a state, is that
+/// of this firmware.
 pub struct RulesMotion<'a> {
     reader: &'a RulesReader,
     own: PlannedMotion<'a>,

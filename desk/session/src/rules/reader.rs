@@ -17,7 +17,8 @@ use crate::limit_shares::RulesReport;
 pub struct RulesReader {
     own: PlanReader,
     plan: RefCell<Plan>,
-    /// The end of the moves of that plan, which this firmware's planner has not followed; `None`: it stands there.
+    /// The end of the moves of that plan, which this firmware's planner has not followed; `None`:
+    /// it stands there.
     ahead_10nm: Cell<Option<[i64; 3]>>,
     is_homing: Cell<bool>,
     time: DeskTime,
@@ -77,7 +78,7 @@ impl RulesReader {
         Ok(())
     }
 
-    /// Plans all moves to their end at rest, where this firmware's planner goes on.
+    /// Plans all moves to their end at rest, where this firmware's planner takes over.
     pub(super) fn come_to_rest(&self) {
         self.with_plan(Plan::flush);
         if let Some(position_10nm) = self.ahead_10nm.take() {

@@ -8,7 +8,8 @@ use ferrostep_rules::marlin::{Corner, JerkRule, Marlin, MarlinSettings};
 use ferrostep_rules::rrf::{JerkPolicy, Rrf, RrfSettings};
 use ferrostep_rules::{Planner, Rules, SettingError};
 
-/// Change of an axis's speed at a corner where the profile has no limit of it, mm/s: Marlin's example configuration.
+/// Change of an axis's speed at a corner where the profile has no limit of it, mm/s: Marlin's
+/// example configuration.
 const JERK_MM_PER_S: f64 = 10.0;
 
 /// A planner by another firmware's rules, with the limits of a machine.
@@ -22,7 +23,8 @@ pub struct ByRules {
     pub arc_chord_mm: f64,
 }
 
-/// The planner that a profile asks for, or that is `asked` for in its place; `None` for the rules of this firmware.
+/// The planner that a profile asks for, or that is `asked` for instead; `None` for the rules
+/// of this firmware.
 ///
 /// # Errors
 /// Names the limit with which those rules make no plan.

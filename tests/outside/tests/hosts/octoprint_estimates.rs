@@ -6,7 +6,8 @@ use ferrostep_testkit::program::{program, repository, scratch};
 use ferrostep_testkit::python;
 use serde_json::Value;
 
-/// OctoPrint shows our time beside its own sizes. Of a file that a printer would refuse it keeps its own time, and its log says why.
+/// OctoPrint shows our time beside its own sizes. Of a file that a printer would refuse it keeps
+/// its own time, and its log says why.
 #[test]
 fn octoprint_shows_our_time() {
     let folder = scratch();

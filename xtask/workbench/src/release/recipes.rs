@@ -1,5 +1,5 @@
-//! Recipes by which package managers install a release: Homebrew's formula and the AUR's PKGBUILD, from the templates in
-//! `desk/packaging/`.
+//! Recipes by which package managers install a release: Homebrew's formula and the AUR's PKGBUILD,
+//! from the templates in `desk/packaging/`.
 
 use std::fs;
 use std::path::Path;
@@ -40,7 +40,8 @@ pub fn write(folder: &Path, version: &str, repository: &str) -> Result<(), Failu
     Ok(())
 }
 
-/// Name of a system's archive; the templates and `[package.metadata.binstall]` of the command also name it.
+/// Name of a system's archive; the templates and `[package.metadata.binstall]` of the
+/// command also name it.
 pub fn archive(version: &str, triple: &str) -> String {
     format!("ferrostep-{version}-{triple}.tar.gz")
 }

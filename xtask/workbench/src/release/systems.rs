@@ -1,4 +1,5 @@
-//! The command for other systems: wheels, cross-compiled with Zig as the linker, and archives of what is in them.
+//! The command for other systems: wheels, cross-compiled with Zig as the linker, and archives of
+//! what is in them.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -49,7 +50,8 @@ impl System {
     }
 }
 
-/// Builds a wheel for each system into a folder that has the licences and the command's notices already.
+/// Builds a wheel for each system into a folder that has the licences and the command's
+/// notices already.
 ///
 /// # Errors
 /// A tool cannot be installed, or a wheel not be built.
@@ -77,7 +79,8 @@ pub fn write_wheels(run: &mut Run, folder: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Copies the wheel's sources to a folder of their own, with the licences and notices that belong into it.
+/// Copies the wheel's sources to a folder of their own, with the licences and notices
+/// that belong into it.
 fn stage(release: &Path) -> Result<PathBuf, Failure> {
     let to = system::target_directory().join("wheel-sources");
     let shown = |error: std::io::Error| format!("{}: {error}", to.display());
@@ -100,7 +103,8 @@ fn stage(release: &Path) -> Result<PathBuf, Failure> {
     Ok(to)
 }
 
-/// The project file for another folder: with the command's manifest by its whole path, and with licence texts.
+/// The project file for another folder: with the command's manifest by its whole path, and
+/// with licence texts.
 ///
 /// # Errors
 /// The file lacks one of the lines that change.
