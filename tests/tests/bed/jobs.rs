@@ -49,6 +49,7 @@ fn a_prepared_job_follows_no_mesh() {
         assert_eq!(play(&machine, &["G28", "G29"], &job), Ok(()), "{encoding:?}");
         for line in ["G29", "M420 S1", "G80", "BED_MESH_CALIBRATE"] {
             let refused = prepared(&machine, &format!("G28\n{line}\nG1 X10 F3000\n"), encoding).unwrap_err();
+            let says = "a prepared job brings its own heights and follows no mesh";
             assert!(refused.starts_with("line 2: ") && refused.contains(says), "{line}: {refused}");
         }
     }

@@ -41,6 +41,9 @@ fn summary(outcome: &Outcome) -> Value {
     // Binary G-code has the commands, not all comments: its lines differ, and so does
     // the slicer's time.
     summary.as_object_mut().unwrap().remove("slicer_time_s");
+    for layer in summary["layer_list"].as_array_mut().unwrap() {
+        layer.as_object_mut().unwrap().remove("line");
+    }
     for remark in summary["remarks"].as_array_mut().unwrap() {
         remark.as_object_mut().unwrap().remove("lines");
     }

@@ -81,6 +81,7 @@ fn every_command_with_the_option_prints_one_value() {
         ("papers", &["--compare", &job]),
         ("import", &[configuration, "-o", &profile]),
         ("blackbox", &[&black_box]),
+        ("post-process", &[&job]),
     ];
     for (command, arguments) in runs {
         let outcome = ferrostep(command.split(' ').chain(arguments.iter().copied()).chain(["--json"]));

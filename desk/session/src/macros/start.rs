@@ -54,9 +54,11 @@ const CHAMBER_PART: &str = "CHAMBER";
 /// Part of the keys of temperatures after the first layer.
 const LATER_PART: &str = "OTHER";
 
-/// Returns true if a command, in capitals, may be a person's macro that starts the machine.
+/// Returns true if a command, in capitals, may be a person's macro that starts the machine: a
+/// name, and not a letter with a mark as Prusa's `Tx`.
 pub(super) fn may_be_start(name: &str) -> bool {
-    name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_')
+    name.len() > 2
+        && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_')
         && !OWN_NAMES.iter().any(|own| name.starts_with(own))
 }
 

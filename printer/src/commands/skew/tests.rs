@@ -212,8 +212,8 @@ fn an_absurd_skew_is_refused_and_nothing_changes() {
     let before = printer.interpreter.skew;
     for (line, says) in [
         ("M852 I0.051", "XY: the axes are 5.1 % out of square, expected -5 to 5 %: measure again, or mend the frame"),
-        ("M852 I0 K-2", "YZ: the axes are -200 % off"),
-        ("SET_SKEW XZ=150,130,100", "XZ: the axes are 14.36 % off"),
+        ("M852 I0 K-2", "YZ: the axes are -200 % out of square"),
+        ("SET_SKEW XZ=150,130,100", "XZ: the axes are 14.36 % out of square"),
         ("SET_SKEW XY=100,100,300", "XY: no parallelogram has these lengths"),
         ("CALC_MEASURED_SKEW AC=100 BD=100 AD=300", "XY: no parallelogram"),
     ] {
