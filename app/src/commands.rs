@@ -75,7 +75,8 @@ where
     let motion = SharedMotion::new(BoardMachineLock::new(machine, signals));
     let heating = BoardHeating(RefCell::new(heat));
     let replies = BoardReplies::new(writers);
-    let mut printer = Printer::new(&PROFILE, motion, heating, SystemClock::default(), &replies, signals);
+    let mut printer =
+        Printer::<(_, _, _, _)>::new(&PROFILE, motion, heating, SystemClock::default(), &replies, signals);
     printer.set_version(IDENTITY.version());
     printer.set_identifier(identifier());
     printer.set_emergency_parser(true);

@@ -52,7 +52,7 @@ pub fn lines_to_blocks(
     let planner = RefCell::new(BenchPlanner::new(profile.geometry(), profile.limits, ring));
     let machine = Machine { planner: &planner };
     let signals = Signals::new();
-    let mut printer = Printer::new(profile, machine, machine, QuickTime, &NoReplies, &signals);
+    let mut printer = Printer::<(_, _, _, _)>::new(profile, machine, machine, QuickTime, &NoReplies, &signals);
     let mut mean = Mean::default();
     execute(&mut printer, "G1 F1200")?;
     for round in 0..=WARM_UP_ROUNDS {

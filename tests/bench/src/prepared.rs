@@ -226,7 +226,7 @@ fn one(
     let planner = RefCell::new(BenchPlanner::new(profile.geometry(), profile.limits, ring));
     let machine = Machine { planner: &planner };
     let signals = Signals::new();
-    let mut printer = Printer::new(profile, machine, machine, QuickTime, &NoReplies, &signals);
+    let mut printer = Printer::<(_, _, _, _)>::new(profile, machine, machine, QuickTime, &NoReplies, &signals);
     let (mut mean, mut moves) = (Mean::default(), 0);
     loop {
         let mut instructions = 0;

@@ -49,7 +49,7 @@ pub fn measure(
     let planner = RefCell::new(BenchPlanner::new(profile.geometry(), profile.limits, ring));
     let machine = Machine { planner: &planner };
     let signals = Signals::new();
-    let mut printer = Printer::new(profile, machine, machine, QuickTime, &NoReplies, &signals);
+    let mut printer = Printer::<(_, _, _, _)>::new(profile, machine, machine, QuickTime, &NoReplies, &signals);
     let mut print = Print::default();
     let mut make_room = |interpolate: &mut Mean, goal| {
         loop {
