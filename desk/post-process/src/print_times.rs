@@ -3,8 +3,8 @@
 use std::io::{self, Read};
 use std::rc::Rc;
 
-use ferrostep_printer::{Ports, Printer, Profile};
-use ferrostep_session::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS, LineEnds, MotionState, seconds};
+use ferrostep_printer::{Ports, Printer};
+use ferrostep_session::desk::{Desk, Figures, LineEnds, MotionState, seconds};
 use ferrostep_session::input::Input;
 use ferrostep_session::job::{self, JobError, JobProgress, Onlooker};
 use ferrostep_session::macros::Macros;
@@ -39,18 +39,16 @@ pub struct PrintTimes {
 }
 
 impl PrintTimes {
-    /// Executes a job on a machine that only plans. `look` is called after each portion of the
-    /// file.
+    /// Executes a job on a machine that only plans, by its own rules or another firmware's. `look`
+    /// is called after each portion of the file.
     ///
     /// # Errors
     /// The job stops at a line, or cannot be read.
-    pub fn of(
+    pub fn of<D: Desk>(
         input: &mut Input,
-        profile: Profile,
-        replies: JobReplies<'_>,
+        session: &Session<D, JobReplies<'_>>,
         mut look: impl FnMut(&JobProgress, &dyn Fn() -> Figures),
     ) -> Result<Self, JobError> {
-        let session = Session::estimate(profile, LOOK_AHEAD_BLOCKS, replies);
         let ends = Rc::new(LineEnds::default());
         session.desk().follow_lines(Rc::clone(&ends));
         let now = || (session.desk().now_ns() as f64 * 1e-9, session.desk().state().tick());

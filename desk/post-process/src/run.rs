@@ -7,13 +7,12 @@ use std::path::Path;
 use std::time::SystemTime;
 
 use ferrostep_host::printable::{is_standard_input, name};
-use ferrostep_printer::Profile;
-use ferrostep_session::JobReplies;
-use ferrostep_session::desk::Figures;
+use ferrostep_session::desk::{Desk, Figures};
 use ferrostep_session::duration::hms;
 use ferrostep_session::input::{self, Input};
 use ferrostep_session::job::JobProgress;
 use ferrostep_session::output::{Accepted, Output, Protected};
+use ferrostep_session::{JobReplies, Session};
 use serde::Serialize;
 
 use crate::print_times::PrintTimes;
@@ -96,14 +95,14 @@ fn plural(count: u64, thing: &str) -> String {
 
 /// Writes the times of a print into its file, or into a copy. Another file of that name is replaced
 /// when the copy is complete; one that would not change is not written. `look` is called after each
-/// portion that was executed, with the share of the file so far.
+/// portion that was executed, with the share of the file so far. `session` is a machine that only
+/// plans and has just been switched on.
 ///
 /// # Errors
 /// The file cannot be corrected; it is unchanged then.
-pub fn post_process(
+pub fn post_process<D: Desk>(
     options: &Options<'_>,
-    profile: Profile,
-    replies: JobReplies<'_>,
+    session: &Session<D, JobReplies<'_>>,
     mut look: impl FnMut(Option<f64>, &JobProgress, &dyn Fn() -> Figures),
 ) -> Result<Report, Failure> {
     let Options { file, out, additions, protected } = *options;
@@ -117,8 +116,8 @@ pub fn post_process(
 
     let before = state(file).map_err(|error| start(&error))?;
     let place = input.place();
-    let profile_name = profile.name.to_owned();
-    let times = PrintTimes::of(&mut input, profile, replies, |done, figures| look(place.share(), done, figures))
+    let profile_name = session.profile().name.to_owned();
+    let times = PrintTimes::of(&mut input, session, |done, figures| look(place.share(), done, figures))
         .map_err(|error| job(&error))?;
     if times.total_s() <= 0.0 {
         return Err(job(&"the print has no motion, and so no time: is it the file that was meant?"));

@@ -9,8 +9,9 @@ use std::sync::Arc;
 use ferrostep_post_process::{
     Additions, Changes, Failure, Options, PrintTimes, Report, RewriteError, post_process, rewrite,
 };
-use ferrostep_session::JobReplies;
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep_session::input::Input;
+use ferrostep_session::{JobReplies, Session};
 use proptest::prelude::*;
 
 /// Begins a job on a warm, homed machine.
@@ -19,7 +20,8 @@ const START: &str = "M302 P1\nG28\nG92 E0\nM83\n";
 fn times(text: &[u8]) -> PrintTimes {
     let mut input = Input::of_bytes(Arc::from(text)).unwrap();
     let profile = ferrostep_profiles::load("cartesian").unwrap();
-    PrintTimes::of(&mut input, profile, JobReplies::new(|_: &str| {}), |_, _| {}).unwrap()
+    let session = Session::estimate(profile, LOOK_AHEAD_BLOCKS, JobReplies::new(|_: &str| {}));
+    PrintTimes::of(&mut input, &session, |_, _| {}).unwrap()
 }
 
 /// Adds M73 to a file without.
@@ -177,7 +179,8 @@ fn a_full_disk_is_an_error_wherever_it_is_full() {
 fn process(file: &Path) -> Result<Report, Failure> {
     let options = Options { file, out: None, additions: PROGRESS, protected: &[] };
     let profile = ferrostep_profiles::load("cartesian").unwrap();
-    post_process(&options, profile, JobReplies::new(|_: &str| {}), |_, _, _| {})
+    let session = Session::estimate(profile, LOOK_AHEAD_BLOCKS, JobReplies::new(|_: &str| {}));
+    post_process(&options, &session, |_, _, _| {})
 }
 
 #[test]

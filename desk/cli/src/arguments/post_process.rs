@@ -2,6 +2,10 @@
 
 use std::path::PathBuf;
 
+use ferrostep_profiles::PlannedBy;
+
+use super::values::rules;
+
 /// Arguments of `post-process`.
 #[derive(clap::Args)]
 pub struct PostProcessArguments {
@@ -14,6 +18,10 @@ pub struct PostProcessArguments {
     /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
     #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
     pub profile: String,
+    /// The firmware by whose rules the file is planned [default: that of the profile's
+    /// rules.planned_by].
+    #[arg(long, value_name = "RULES", value_parser = rules())]
+    pub rules: Option<PlannedBy>,
     /// Adds no M73. Without this, one for each minute is added to a file that has none; those of a
     /// slicer are always corrected.
     #[arg(long)]

@@ -3,9 +3,12 @@
 use std::process::ExitCode;
 
 use ferrostep_post_process::{Additions, Failure, Options, post_process};
-use ferrostep_session::JobReplies;
+use ferrostep_session::desk::{Figures, LOOK_AHEAD_BLOCKS};
+use ferrostep_session::job::JobProgress;
+use ferrostep_session::{JobReplies, Session};
 
 use crate::arguments::PostProcessArguments;
+use crate::job::by_rules;
 use crate::outcome::{exit_code, result};
 use crate::progress::Progress;
 use crate::protected::{inputs, profile_file};
@@ -30,7 +33,11 @@ pub fn run(arguments: &PostProcessArguments) -> Result<ExitCode, String> {
             progress.say(text);
         }
     });
-    let outcome = post_process(&options, profile, replies, |share, done, figures| progress.show(share, done, figures));
+    let look = |share, done: &JobProgress, figures: &dyn Fn() -> Figures| progress.show(share, done, figures);
+    let outcome = match by_rules(&profile, &arguments.profile, arguments.rules)? {
+        None => post_process(&options, &Session::estimate(profile, LOOK_AHEAD_BLOCKS, replies), look),
+        Some(by) => post_process(&options, &Session::by_rules(profile, by, replies), look),
+    };
     progress.end();
     match outcome {
         Ok(report) => Ok(result(arguments.json.then_some(&report), || format!("{report}\n"))),

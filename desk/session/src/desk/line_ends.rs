@@ -9,7 +9,7 @@ pub struct LineEnds(RefCell<VecDeque<(u32, u64)>>);
 
 impl LineEnds {
     /// Notes that motion of a line has ended, or a part of it; the last part of a line counts.
-    pub(super) fn note(&self, line: u32, tick: u64) {
+    pub(crate) fn note(&self, line: u32, tick: u64) {
         let mut ends = self.0.borrow_mut();
         match ends.back_mut() {
             Some((before, end)) if *before == line => *end = tick,

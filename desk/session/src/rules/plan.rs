@@ -1,5 +1,7 @@
 //! The moves of a job on their way through another firmware's planner.
 
+use std::rc::Rc;
+
 use ferrostep_gcode::Command;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
@@ -9,6 +11,7 @@ use ferrostep_rules::{Move as RulesMove, MoveError, PlannedMove, Rules};
 
 use super::changes;
 use super::settings::ByRules;
+use crate::desk::LineEnds;
 use crate::limit_shares::{RulesReport, Shares};
 
 /// An arc whose chords arrive. The other firmware gets it whole, and cuts it in its own way.
@@ -29,12 +32,29 @@ pub(super) struct Plan {
     released: Vec<PlannedMove>,
     shares: Shares,
     seconds: f64,
+    /// Ticks of this firmware's own motion before these moves.
+    own_ticks: u64,
+    /// The ends of lines, if someone follows them.
+    line_ends: Option<Rc<LineEnds>>,
 }
 
 impl Plan {
     /// A plan without moves.
     pub fn new(by: ByRules) -> Self {
-        Self { by, arc: None, released: Vec::new(), shares: Shares::default(), seconds: 0.0 }
+        Self {
+            by,
+            arc: None,
+            released: Vec::new(),
+            shares: Shares::default(),
+            seconds: 0.0,
+            own_ticks: 0,
+            line_ends: None,
+        }
+    }
+
+    /// Notes from now on where the motion of each line ends.
+    pub fn follow_lines(&mut self, ends: Rc<LineEnds>) {
+        self.line_ends = Some(ends);
     }
 
     /// Takes a command.
@@ -47,11 +67,12 @@ impl Plan {
         self.arc = Some(Begun { centre_mm, is_clockwise, start_10nm, filament_100pm: 0 });
     }
 
-    /// Takes a move that begins at a place.
+    /// Takes a move that begins at a place, after this firmware's own motion (`own_ticks`).
     ///
     /// # Errors
     /// The rules have no plan for it.
-    pub fn add(&mut self, one: &Move, from_10nm: [i64; 3]) -> Result<(), MoveError> {
+    pub fn add(&mut self, one: &Move, from_10nm: [i64; 3], own_ticks: u64) -> Result<(), MoveError> {
+        self.own_ticks = own_ticks;
         let (tag, feed_mm_per_s) = (u64::from(one.line), f64::from(one.feed_mm_per_s));
         match &mut self.arc {
             None => {
@@ -89,7 +110,7 @@ impl Plan {
 
     /// Ticks of the moves that are planned.
     pub fn ticks(&self) -> u64 {
-        (self.seconds * f64::from(TICKS_PER_SECOND)) as u64
+        ticks(self.seconds)
     }
 
     /// Time of the moves that are planned, s.
@@ -116,8 +137,16 @@ impl Plan {
         for planned in self.released.drain(..) {
             self.seconds += planned.duration_s();
             self.shares.add(&planned);
+            if let Some(ends) = &self.line_ends {
+                ends.note(planned.tag as u32, self.own_ticks + ticks(self.seconds));
+            }
         }
     }
+}
+
+/// A time in ticks.
+fn ticks(seconds: f64) -> u64 {
+    (seconds * f64::from(TICKS_PER_SECOND)) as u64
 }
 
 /// A displacement of X, Y, Z and the filament, mm.

@@ -10,7 +10,9 @@ use ferrostep_printer::{FanDemand, Motion, MotionError, Profile, Signals};
 use super::motion::RulesMotion;
 use super::plan::Plan;
 use super::settings::ByRules;
-use crate::desk::{Desk, DeskDrivers, DeskTime, Figures, LOOK_AHEAD_BLOCKS, MotionState, PlanReader, PlannedMotion};
+use crate::desk::{
+    Desk, DeskDrivers, DeskTime, Figures, LOOK_AHEAD_BLOCKS, LineEnds, MotionState, PlanReader, PlannedMotion,
+};
 use crate::limit_shares::RulesReport;
 
 /// Plans moves by another firmware's rules, and homes by this one's.
@@ -73,7 +75,8 @@ impl RulesReader {
             return Err(MotionError::Move(MoveError::TooFar));
         }
         let from_10nm = self.position_10nm(own);
-        self.with_plan(|plan| plan.add(one, from_10nm)).map_err(|_| MotionError::Move(MoveError::Feed))?;
+        let own_ticks = self.own.tick();
+        self.with_plan(|plan| plan.add(one, from_10nm, own_ticks)).map_err(|_| MotionError::Move(MoveError::Feed))?;
         self.ahead_10nm.set(Some(one.target_10nm));
         Ok(())
     }
@@ -113,6 +116,11 @@ impl Desk for RulesReader {
 
     fn rules(&self) -> Option<RulesReport> {
         Some(self.plan.borrow().report())
+    }
+
+    fn follow_lines(&self, ends: Rc<LineEnds>) -> bool {
+        self.with_plan(|plan| plan.follow_lines(ends));
+        true
     }
 
     fn state(&self) -> &Self {
