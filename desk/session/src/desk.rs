@@ -28,9 +28,11 @@ pub use heat::{DeskHeat, DeskHeating};
 pub use limit_factors::LimitFactors;
 pub use line_ends::LineEnds;
 pub use live::{LiveDesk, LiveMachine};
+pub(crate) use plan_reader::LEAP_TICKS;
 pub use plan_reader::{PlanReader, PlannedMotion};
 pub use queue_machine::QueueMachine;
 pub use rehearsal::{DeskMachine, Rehearsal};
+pub(crate) use session_motion::let_time_pass;
 pub use session_motion::{Desk, ExtruderNow, MotionState};
 pub use step_queue::VirtualStepQueue;
 

@@ -1,9 +1,7 @@
 //! A machine on the desk whose time passes by itself, within the time granted: for hosts, which come and go.
 
 use std::cell::{Cell, RefCell};
-use std::future::poll_fn;
 use std::rc::Rc;
-use std::task::Poll;
 
 use ferrostep_papers::Papers;
 use ferrostep_planner::look_ahead::Slot;
@@ -14,7 +12,7 @@ use super::accelerometer::{DeskAccelerometer, Tap};
 use super::desk_time::motion_ticks;
 use super::drivers::DeskDrivers;
 use super::queue_machine::{self, QueueMachine};
-use super::session_motion::{Desk, ExtruderNow};
+use super::session_motion::{Desk, ExtruderNow, let_time_pass};
 use super::step_queue::VirtualStepQueue;
 
 /// The planner task looks at the step queue this often, as on a board.
@@ -178,7 +176,6 @@ impl SharedMachine for LiveMachine<'_> {
     }
 
     async fn pause(&self) {
-        let mut is_first = true;
-        poll_fn(|_| if std::mem::take(&mut is_first) { Poll::Pending } else { Poll::Ready(()) }).await;
+        let_time_pass().await;
     }
 }

@@ -2,10 +2,8 @@
 
 use std::any::Any;
 use std::cell::{Cell, RefCell};
-use std::future::poll_fn;
 use std::marker::PhantomData;
 use std::rc::Rc;
-use std::task::Poll;
 
 use ferrostep_papers::Papers;
 use ferrostep_planner::TICKS_PER_SECOND;
@@ -17,7 +15,7 @@ use super::desk_time::DeskTime;
 use super::drivers::DeskDrivers;
 use super::line_ends::LineEnds;
 use super::queue_machine::{self, QueueMachine};
-use super::session_motion::{Desk, MotionState};
+use super::session_motion::{Desk, MotionState, let_time_pass};
 use super::step_queue::VirtualStepQueue;
 use crate::record::Observer;
 
@@ -169,14 +167,7 @@ impl SharedMachine for DeskMachine<'_> {
     }
 
     async fn pause(&self) {
-        let mut is_first = true;
-        poll_fn(|_| {
-            if !std::mem::take(&mut is_first) {
-                return Poll::Ready(());
-            }
-            self.steps.awaits_motion.set(true);
-            Poll::Pending
-        })
-        .await;
+        self.steps.awaits_motion.set(true);
+        let_time_pass().await;
     }
 }

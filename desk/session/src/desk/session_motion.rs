@@ -1,6 +1,8 @@
 //! The motion of a session, as traits.
 
+use std::future::poll_fn;
 use std::rc::Rc;
+use std::task::Poll;
 
 use ferrostep_printer::machine::PushedFilament;
 use ferrostep_printer::{FanDemand, Motion, Signals};
@@ -76,4 +78,10 @@ pub trait Desk {
     }
     /// Planner and motors.
     fn state(&self) -> &Self::State;
+}
+
+/// Returns to the session once, so that it lets time pass.
+pub(crate) async fn let_time_pass() {
+    let mut is_first = true;
+    poll_fn(|_| if std::mem::take(&mut is_first) { Poll::Pending } else { Poll::Ready(()) }).await;
 }

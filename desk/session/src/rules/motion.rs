@@ -1,24 +1,16 @@
 //! The motion of a plan by another firmware's rules, as the printer's commands see it.
 
-use std::future::poll_fn;
-use std::task::Poll;
-
 use ferrostep_gcode::{Command, MotionFigures};
 use ferrostep_hal_shim::{FanOutput, ServoPulses};
 use ferrostep_planner::surface::{BedStage, Mesh, MeshError};
-use ferrostep_planner::{
-    ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request, StepsPerMm, TICKS_PER_SECOND,
-};
+use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request, StepsPerMm};
 use ferrostep_printer::{HomingOutcome, Motion, MotionError, Present, Signals};
 
 use super::reader::RulesReader;
-use crate::desk::PlannedMotion;
+use crate::desk::{LEAP_TICKS, PlannedMotion, let_time_pass};
 
 /// Mask of all motors.
 const ALL_MOTORS: u8 = 0b1111;
-
-/// Motion that is planned before the desk lets time pass.
-const LEAP_TICKS: u64 = TICKS_PER_SECOND as u64 / 10;
 
 /// Motion by another firmware's rules; homing, and what only sets a state, is that
 /// of this firmware.
@@ -37,8 +29,7 @@ impl<'a> RulesMotion<'a> {
     /// Lets time pass if this much motion was planned since the last time.
     async fn pass(&self, leap_ticks: u64) -> Result<(), MotionError> {
         if self.reader.waiting_ticks() >= leap_ticks {
-            let mut is_first = true;
-            poll_fn(|_| if std::mem::take(&mut is_first) { Poll::Pending } else { Poll::Ready(()) }).await;
+            let_time_pass().await;
         }
         if self.signals.is_halted() { Err(MotionError::Stopped) } else { Ok(()) }
     }
