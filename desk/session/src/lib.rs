@@ -11,6 +11,7 @@ pub mod duration;
 pub mod gpre;
 pub mod input;
 pub mod job;
+mod job_replies;
 pub mod layer_lines;
 pub mod limit_shares;
 pub mod macros;
@@ -31,5 +32,6 @@ pub mod settings_file;
 mod version;
 pub mod watch;
 
-pub use session::{DeskPorts, DeskPrinter, JobReplies, LiveSession, PlanSession, PrintSession, Session};
+pub use job_replies::JobReplies;
+pub use session::{DeskPorts, DeskPrinter, LiveSession, PlanSession, PrintSession, Session};
 pub use version::VERSION;

@@ -9,8 +9,9 @@ use ferrostep_printer::{Ports, Printer, Profile};
 
 use crate::input::Input;
 use crate::job::{self, JobProgress, Onlooker};
+use crate::job_replies::JobReplies;
 use crate::macros::Macros;
-use crate::session::{JobReplies, Session};
+use crate::session::Session;
 
 /// Least time between two lines that are noted, s.
 const STEP_S: f64 = 0.5;

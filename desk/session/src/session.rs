@@ -1,36 +1,30 @@
 //! A printer on the desk, and the loop that polls it and lets time pass.
 
 use std::cell::{Cell, Ref, RefCell};
-use std::collections::BTreeSet;
 use std::future::Future;
 use std::marker::PhantomData;
 use std::pin::pin;
 use std::rc::Rc;
 use std::task::{Context, Poll, Waker};
 
-use ferrostep_gcode::{Remarks, Reply};
+use ferrostep_gcode::Reply;
 use ferrostep_hal_shim::{Clock, FanOutput, Heater};
 use ferrostep_printer::SharedMotion;
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{
-    EncoderWatch, Failure, FilamentWatch, HeaterRest, HeaterTimeout, Heating, Motion, Ports, Printer, Profile, Replies,
+    EncoderWatch, FilamentWatch, HeaterRest, HeaterTimeout, Heating, Motion, Ports, Printer, Profile, Replies,
     SUPPLY_FAILS, Signals, SupplyWatch, tell_driver_event, tell_stalled_fan, temperatures,
 };
 use ferrostep_simulator::frame::Mode;
 use ferrostep_virtual_board::{EndStopFailure, HeaterFailure, IDENTIFIER, VirtualClock, VirtualDelay, VirtualHeaters};
 
-use crate::command_code::code;
 use crate::desk::{
     Desk, DeskAccelerometer, DeskDrivers, DeskHeat, DeskHeating, DeskMachine, Encoder, ExtruderNow, Figures,
     LimitFactors, LiveDesk, MotionState, PlanReader, QueueMachine, Rehearsal,
 };
 use crate::record::Observer;
-use crate::remarks::{RemarkKind, RemarkList};
 use crate::rules::{ByRules, RulesReader};
 use crate::version::VERSION;
-
-/// Most different unknown commands remembered; a broken file could name any number.
-const MAX_UNKNOWN_COMMANDS: usize = 100;
 
 /// Parts of a printer on the desk that moves `M`. The types of the replies and of the steps' observer are left out:
 /// the printer's code is large, and compiled again for each type.
@@ -444,73 +438,4 @@ impl<D: Desk, R: Replies> Session<D, R> {
             self.replies.send(Reply::Temperatures(temperatures(&self.heating())));
         }
     }
-}
-
-/// Replies of a job from a file: lines for a person, and entries of the summary.
-pub struct JobReplies<'a> {
-    unknown: RefCell<BTreeSet<String>>,
-    remarks: RemarkList,
-    notice: Box<dyn Fn(&str) + 'a>,
-}
-
-impl<'a> JobReplies<'a> {
-    /// Sends each line that a person should read to `notice`.
-    pub fn new(notice: impl Fn(&str) + 'a) -> Self {
-        Self { unknown: RefCell::default(), remarks: RemarkList::default(), notice: Box::new(notice) }
-    }
-
-    /// The different unknown commands so far, in alphabetical order.
-    pub fn unknown_commands(&self) -> Vec<String> {
-        self.unknown.borrow().iter().cloned().collect()
-    }
-
-    /// The remarks on the job's lines so far.
-    pub fn remarks(&self) -> &RemarkList {
-        &self.remarks
-    }
-}
-
-impl Replies for JobReplies<'_> {
-    fn send(&self, reply: Reply<'_>) {
-        match reply {
-            Reply::Text(text) => (self.notice)(text),
-            Reply::Killed => (self.notice)(&reply.to_string()),
-            // Replies to a host's questions; a file asks none.
-            _ => {}
-        }
-    }
-
-    /// The summary lists it.
-    fn remark(&self, line: u32, text: &str, remarks: &Remarks, _: &Remarks) {
-        let kind = match (remarks.is_unknown(), remarks.is_not_executed()) {
-            (true, _) => RemarkKind::Unknown,
-            (false, true) => RemarkKind::NoEffect,
-            (false, false) if remarks.is_no_effect_alone() && is_corner_limit(text) => RemarkKind::Corner,
-            (false, false) => RemarkKind::Ignored,
-        };
-        self.remarks.note(kind, Some(line), format_args!("{}: {remarks}", code(text)));
-    }
-
-    fn note(&self, line: u32, text: std::fmt::Arguments<'_>) {
-        self.remarks.note(RemarkKind::Ignored, Some(line), text);
-    }
-
-    fn unknown(&self, line: u32, text: &str) {
-        if ferrostep_gcode::NotExecuted::of(text).is_none() {
-            self.remarks.note(RemarkKind::Unknown, Some(line), format_args!("{}: unknown command", code(text)));
-        }
-        let mut unknown = self.unknown.borrow_mut();
-        if unknown.len() < MAX_UNKNOWN_COMMANDS && !unknown.contains(text) {
-            unknown.insert(text.to_owned());
-            (self.notice)(&Reply::UnknownCommand(text).to_string());
-        }
-    }
-
-    /// The job stops there, and reports it itself.
-    fn refuse(&self, _line: u32, _failure: &Failure) {}
-}
-
-/// Returns true if a line is M205.
-fn is_corner_limit(text: &str) -> bool {
-    matches!(ferrostep_gcode::parse(text), Ok(ferrostep_gcode::Command::Junction { .. }))
 }

@@ -12,9 +12,10 @@ use ferrostep_printer::{Ports, Printer, Profile, Tally};
 use super::script::{Ready, Script};
 use crate::desk::{Figures, PlanReader};
 use crate::job::{self, JobError, JobProgress, Onlooker};
+use crate::job_replies::JobReplies;
 use crate::macros::Macros;
 use crate::remarks::Remark;
-use crate::session::{JobReplies, Session};
+use crate::session::Session;
 use crate::watch::Watch;
 
 /// Blocks in the look-ahead ring while a job is prepared: longer than any stopping distance.
