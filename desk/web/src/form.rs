@@ -11,9 +11,7 @@ use tempfile::NamedTempFile;
 use crate::answer::Answer;
 use crate::deadline::is_slow;
 use crate::printer::Upload;
-
-/// Bytes read at once.
-const PORTION_BYTES: usize = 64 * 1024;
+use crate::upload::{PORTION_BYTES, not_kept, too_slow};
 
 /// Longest word beside the file, bytes.
 const MAX_WORD_BYTES: u64 = 256;
@@ -132,17 +130,10 @@ fn is_true(field: &str, word: &str) -> Result<bool, Answer> {
     }
 }
 
-/// The answer to a file that the disk does not take.
-fn not_kept(error: io::Error) -> Answer {
-    Answer::text(507, format!("the file cannot be kept: {error}"))
-}
-
 /// The answer to a form that is broken or does not come whole.
 fn broken(error: multer::Error) -> Answer {
     match error {
-        multer::Error::StreamReadFailed(error) if error.downcast_ref::<io::Error>().is_some_and(is_slow) => {
-            Answer::text(408, "the file did not come in time")
-        }
+        multer::Error::StreamReadFailed(error) if error.downcast_ref::<io::Error>().is_some_and(is_slow) => too_slow(),
         multer::Error::FieldSizeExceeded { .. } => {
             Answer::text(413, format!("a field beside the file has more than {MAX_WORD_BYTES} bytes"))
         }

@@ -13,7 +13,7 @@ const TOKEN_BYTES: usize = 16;
 /// Shortest and longest key that a person chooses.
 const KEY_CHARACTERS: std::ops::RangeInclusive<usize> = 8..=128;
 
-/// A secret of the server: its page's, new each time, or the key of slicers. Whoever has it
+/// A secret of the server: its page's, new each time, or the key of slicers. Its holder
 /// controls the printer.
 #[derive(Clone)]
 pub struct Token(String);

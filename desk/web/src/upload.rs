@@ -9,7 +9,7 @@ use crate::deadline::is_slow;
 use crate::printer::Upload;
 
 /// Bytes copied at once.
-const PORTION_BYTES: usize = 64 * 1024;
+pub const PORTION_BYTES: usize = 64 * 1024;
 
 /// Longest name shown, characters.
 const MAX_NAME: usize = 100;
@@ -19,8 +19,7 @@ const MAX_NAME: usize = 100;
 /// # Errors
 /// The answer to a body that does not come, or cannot be kept.
 pub fn receive(body: &mut impl Read, bytes: u64, name: Option<&str>) -> Result<Upload, Answer> {
-    let kept = |error: io::Error| Answer::text(507, format!("the file cannot be kept: {error}"));
-    let mut file = NamedTempFile::new().map_err(kept)?;
+    let mut file = NamedTempFile::new().map_err(not_kept)?;
     let mut portion = vec![0; PORTION_BYTES];
     let mut left = bytes;
     while left > 0 {
@@ -30,14 +29,24 @@ pub fn receive(body: &mut impl Read, bytes: u64, name: Option<&str>) -> Result<U
                 return Err(Answer::text(400, format!("the file is cut off: {left} of its {bytes} bytes are missing")));
             }
             Ok(read) => read,
-            Err(error) if is_slow(&error) => return Err(Answer::text(408, "the file did not come in time")),
+            Err(error) if is_slow(&error) => return Err(too_slow()),
             Err(error) => return Err(Answer::text(400, format!("the file did not come whole: {error}"))),
         };
-        file.write_all(&portion[..read]).map_err(kept)?;
+        file.write_all(&portion[..read]).map_err(not_kept)?;
         left = left.saturating_sub(read as u64);
     }
-    file.flush().map_err(kept)?;
+    file.flush().map_err(not_kept)?;
     Ok(Upload { name: shown_name(name.unwrap_or_default()), file, bytes })
+}
+
+/// The answer to a file that the disk does not take.
+pub fn not_kept(error: io::Error) -> Answer {
+    Answer::text(507, format!("the file cannot be kept: {error}"))
+}
+
+/// The answer to a file that does not come in time.
+pub fn too_slow() -> Answer {
+    Answer::text(408, "the file did not come in time")
 }
 
 /// A percent-encoded name as it may be shown.
