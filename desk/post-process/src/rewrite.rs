@@ -206,7 +206,10 @@ impl<W: Write> Copy<'_, W> {
         // Comments may hold bytes of any encoding; those with a time are text.
         let comment = std::str::from_utf8(line).ok().filter(|_| is_comment)?;
         let times: Vec<SlicerTime> = slicer_times(comment).collect();
-        self.changes.comments += u64::from(!times.is_empty());
+        if times.is_empty() {
+            return None;
+        }
+        self.changes.comments += 1;
         let mut text = line.to_vec();
         for time in times.into_iter().rev() {
             let new = time.written(self.times.of_part(time.of, number));

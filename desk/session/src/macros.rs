@@ -23,6 +23,9 @@ use gcode_states::GcodeStates;
 use offsets::Offsets;
 use start::{Call, Start};
 
+/// The usual spelling of moves.
+const MOVES: [&str; 2] = ["G1", "G0"];
+
 /// True if the command line asks for macros as a board has them: it counts for each
 /// job that begins.
 static AS_ON_A_BOARD: AtomicBool = AtomicBool::new(false);
@@ -103,7 +106,9 @@ impl FileMacros {
         if let Some(call) = self.start.take_call_before(text) {
             Box::pin(self.assume(printer, call, ahead, onlooker)).await?;
         }
-        if self.start.is_assumed_home() {
+        // A file is nearly all moves, which home nothing: the rest is read a second time for that.
+        let may_home = !MOVES.iter().any(|known| known.eq_ignore_ascii_case(code(text)));
+        if may_home && self.start.is_assumed_home() {
             self.start.home_truly(printer, line, text).await?;
         }
         if self.start.seeks_place() {
@@ -113,7 +118,7 @@ impl FileMacros {
         if !self.has_extruded {
             self.has_extruded = printer.tally().filament_100pm > 0;
         }
-        if self.offsets.are_set() {
+        if may_home && self.offsets.are_set() {
             self.offsets.outlast_homing(printer, line, text).await?;
         }
         Ok(())

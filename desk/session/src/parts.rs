@@ -16,7 +16,7 @@ use crate::command_code::code;
 use crate::desk::{LineEnds, seconds};
 use crate::job::Onlooker;
 use crate::macros::value_of;
-use crate::watch::PAUSES;
+use crate::watch::is_pause;
 
 /// Most parts of a kind that are listed; a broken file could have any number. Further
 /// ones are left out.
@@ -240,9 +240,8 @@ impl<P: Ports, F: Fn() -> (f64, u64)> Onlooker<P> for Parts<F> {
         if self.place != before {
             self.changes.push_back((line, self.place));
         }
-        let is_one_of = |codes: &[&str]| codes.iter().any(|known| known.eq_ignore_ascii_case(code(text)));
-        self.homes = text.starts_with(['G', 'g']) && is_one_of(&HOMING);
-        if text.starts_with(['M', 'm', 'P', 'p']) && is_one_of(&PAUSES) && self.found.pauses.len() < MAX_PARTS {
+        self.homes = text.starts_with(['G', 'g']) && HOMING.iter().any(|known| known.eq_ignore_ascii_case(code(text)));
+        if is_pause(text) && self.found.pauses.len() < MAX_PARTS {
             let (now_s, tick) = (self.now)();
             self.pauses.push_back((line, code(text).to_ascii_uppercase(), now_s - seconds(tick)));
         }

@@ -9,11 +9,11 @@ use crate::job::Onlooker;
 use crate::remarks::{RemarkKind, RemarkList};
 
 /// Commands that wait for a person: pauses, and filament changes.
-pub(crate) const PAUSES: [&str; 8] = ["M0", "M1", "M25", "M125", "M226", "M600", "M601", "PAUSE"];
+const PAUSES: [&str; 8] = ["M0", "M1", "M25", "M125", "M226", "M600", "M601", "PAUSE"];
 
 /// Returns true if a command asks the printer to wait for a person.
 pub fn is_pause(text: &str) -> bool {
-    PAUSES.iter().any(|pause| pause.eq_ignore_ascii_case(code(text)))
+    text.starts_with(['M', 'm', 'P', 'p']) && PAUSES.iter().any(|pause| pause.eq_ignore_ascii_case(code(text)))
 }
 
 /// Units of 10 nm in a mm.

@@ -17,9 +17,9 @@ pub enum TimeOf {
     Model,
     /// The first layer.
     FirstLayer,
-    /// From the beginning up to the comment.
+    /// The print up to the comment.
     Elapsed,
-    /// From the comment to the end.
+    /// The print after the comment.
     Remaining,
 }
 

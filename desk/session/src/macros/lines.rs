@@ -3,18 +3,17 @@
 use std::fmt;
 
 use ferrostep_gcode::Units;
+use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_printer::{GcodeState, Ports, Printer};
-
-/// Units of 10 nm in a millimetre.
-const UNITS_PER_MM: u64 = 100_000;
 
 /// A length in units of 10 nm, written in mm.
 pub(super) struct Mm(pub i64);
 
 impl fmt::Display for Mm {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let per_mm = UNITS_PER_MM.unsigned_abs();
         let (sign, units) = (if self.0 < 0 { "-" } else { "" }, self.0.unsigned_abs());
-        write!(out, "{sign}{}.{:05}", units / UNITS_PER_MM, units % UNITS_PER_MM)
+        write!(out, "{sign}{}.{:05}", units / per_mm, units % per_mm)
     }
 }
 
