@@ -22,8 +22,8 @@ pub struct PlannedMotion<'a> {
 }
 
 impl PlannedMotion<'_> {
-    /// Acts on the plan. Afterwards, if `leap_ticks` of motion have been planned since the last time, the desk lets time
-    /// pass.
+    /// Acts on the plan. Afterwards, if `leap_ticks` of motion have been planned since the last
+    /// time, the desk lets time pass.
     async fn act<T>(
         &self,
         leap_ticks: u64,
@@ -175,7 +175,8 @@ impl Motion for PlannedMotion<'_> {
         self.reader.plan.borrow_mut().bed.mesh().map(act)
     }
 
-    /// Blocks keep to what Z needs, so that they last as long as on a machine whose Z follows the bed.
+    /// Blocks keep to what Z needs, so that they last as long as on a machine whose Z follows the
+    /// bed.
     fn follow_bed(&mut self, on: bool) -> Result<(), MeshError> {
         let plan = &mut *self.reader.plan.borrow_mut();
         let switched = plan.bed.switch(on);
