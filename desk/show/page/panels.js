@@ -109,7 +109,7 @@ function showAbout(print, how) {
   say('The print ran on a virtual board with the code that runs on the printer\'s. The path, its speeds and times are those of the motors\' steps, sampled each millisecond: what the firmware does, not what the file asks for.');
   say(`Pressure in the nozzle is a model: filament compresses, and flows out with a time constant of ${print.job.nozzle_time_constant_s} s.`);
   if (print.left_out) {
-    say(`This job is too large for a page: ${print.left_out.toLocaleString('en')} of its points were left out where the path hardly bends and nothing is extreme. Sums, times and extremes are of all.`);
+    say(`This job is too large for a page: ${print.left_out.toLocaleString('en')} of its points were left out. Every layer is drawn within ${print.tolerance_mm.toFixed(2)} mm of its path; sums, times and extremes are of all points.`);
   }
   if (print.text_is_cut) say('The G-code of later lines was left out of the page.');
   if (!print.has_layers) say('The file marks no layers: they are told by the height of printed moves.');

@@ -67,6 +67,7 @@ struct Description<'a> {
     features: &'a [String],
     columns: Vec<Column>,
     left_out: u64,
+    tolerance_mm: f32,
     text_is_cut: bool,
     has_layers: bool,
 }
@@ -83,6 +84,7 @@ pub fn write_page(out: &mut impl Write, job: &Job, recording: &Recording, text: 
         features: &text.features,
         columns,
         left_out: recording.left_out,
+        tolerance_mm: recording.tolerance_mm,
         text_is_cut: text.is_cut,
         has_layers: text.has_layers,
     };

@@ -6,7 +6,7 @@ use crate::commanded::PlannedMove;
 use crate::lines::{LineState, LineStates};
 use crate::node::{Kind, Node, UNMARKED};
 use crate::path::{Path, Place};
-use crate::reduce::Nodes;
+use crate::reduce::{Nodes, Reduced};
 use crate::sampler::{Sample, Sampler};
 use crate::temperatures::{Temperature, Temperatures};
 use crate::totals::Totals;
@@ -59,6 +59,8 @@ pub struct Recording {
     pub nodes: Vec<Node>,
     /// Nodes that were left out because there were too many.
     pub left_out: u64,
+    /// Largest distance of the path from the nodes that were left out, mm: the same in every layer; 0 if none were.
+    pub tolerance_mm: f32,
     /// Sums over all nodes, also those left out.
     pub totals: Totals,
     /// Temperatures in time.
@@ -215,8 +217,8 @@ impl Recorder {
     /// Ends the record.
     pub fn finish(mut self) -> Recording {
         self.settle(false);
-        let (nodes, left_out) = self.nodes.nodes.finish();
-        Recording { nodes, left_out, totals: self.nodes.totals, temperatures: self.temperatures.finish() }
+        let Reduced { nodes, left_out, tolerance_mm } = self.nodes.nodes.finish();
+        Recording { nodes, left_out, tolerance_mm, totals: self.nodes.totals, temperatures: self.temperatures.finish() }
     }
 
     fn time_s(&self, tick: u64) -> f64 {

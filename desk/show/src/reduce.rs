@@ -1,135 +1,189 @@
-//! Fewer nodes, with the same extremes: for jobs that are too large for a page.
+//! Fewer nodes of a path, for jobs that are too large for a page: every layer within the same tolerance.
+//!
+//! One tolerance holds for the whole print and grows until all of it fits. A part that replaces others keeps how far it
+//! is from the nodes that it replaces, so that errors never add up beyond the tolerance, however often parts are joined.
 
-use crate::node::Node;
+mod part;
+#[cfg(test)]
+mod tests;
 
-/// Largest distance at first from the line that replaces a node, mm.
-const FIRST_TOLERANCE_MM: f32 = 0.03;
+use crate::node::{Kind, Node};
+use part::Part;
 
-/// The same for its speed, as a part of it; grows with the distance.
-const SPEED_PART: f32 = 0.05;
+/// Largest distance at first of a node that is left out from the part that replaces it, mm.
+const FIRST_TOLERANCE_MM: f32 = 0.015;
+/// The same for its speed and its bead, as a part of them.
+const FIRST_SHARE: f32 = 0.05;
+/// Tolerances above this keep nothing of a path's form: parts are joined by their number.
+const LAST_TOLERANCE_MM: f32 = 2.0;
+/// Maximum number of parts that are joined at once: it bounds the time.
+const MAX_JOINED: usize = 64;
+
+/// How far a part may be from the nodes that it replaces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Tolerance {
+    /// Distance, mm.
+    pub distance_mm: f32,
+    /// Difference of speed and bead, as a part of them.
+    pub share: f32,
+    /// Nodes that may become one whatever they are.
+    pub nodes: u32,
+}
+
+impl Tolerance {
+    /// Every node stays.
+    const NONE: Self = Self { distance_mm: 0.0, share: 0.0, nodes: 1 };
+
+    /// The next larger one. Speeds give way faster than the path: a path that is off is a wrong part.
+    fn larger(self) -> Self {
+        match () {
+            () if self == Self::NONE => Self { distance_mm: FIRST_TOLERANCE_MM, share: FIRST_SHARE, ..self },
+            () if self.distance_mm < LAST_TOLERANCE_MM => Self {
+                distance_mm: self.distance_mm * std::f32::consts::SQRT_2,
+                share: 2.0 * self.share,
+                ..self
+            },
+            () => Self { nodes: self.nodes.saturating_mul(2), ..self },
+        }
+    }
+}
 
 /// Nodes of a path, at most `maximum`.
 #[derive(Debug)]
 pub(crate) struct Nodes {
-    kept: Vec<Node>,
+    parts: Vec<Part>,
     maximum: usize,
-    tolerance_mm: f32,
+    tolerance: Tolerance,
+    /// Parts at the beginning that are as few as the tolerance allows.
+    settled: usize,
+    extremes: Extremes,
     /// Nodes that were left out.
     left_out: u64,
 }
 
+/// Nodes and what was left out of them.
+#[derive(Debug)]
+pub(crate) struct Reduced {
+    pub nodes: Vec<Node>,
+    pub left_out: u64,
+    /// Largest distance of the path from the nodes that were left out, mm; 0 if none were.
+    pub tolerance_mm: f32,
+}
+
 impl Nodes {
     pub fn new(maximum: usize) -> Self {
-        Self { kept: Vec::new(), maximum, tolerance_mm: FIRST_TOLERANCE_MM, left_out: 0 }
+        Self {
+            parts: Vec::new(),
+            maximum,
+            tolerance: Tolerance::NONE,
+            settled: 0,
+            extremes: Extremes::default(),
+            left_out: 0,
+        }
     }
 
     pub fn push(&mut self, node: Node) {
-        if self.kept.len() >= self.maximum {
+        if self.parts.len() >= self.maximum {
             self.reduce();
         }
-        self.kept.push(node);
+        self.extremes.note(&node);
+        let path_mm = self.parts.last().map_or(0.0, |before| before.node.distance_mm(&node) as f32);
+        self.parts.push(Part::new(node, path_mm));
     }
 
     /// The last part takes longer.
     pub fn replace_last(&mut self, node: Node) {
-        if let Some(last) = self.kept.last_mut() {
-            *last = node;
+        if let Some(last) = self.parts.last_mut() {
+            last.node = node;
         }
     }
 
-    /// Leaves out at least a third of them.
+    /// Joins parts until an eighth of the room is free, and more if the tolerance grows: it grows seldom.
     fn reduce(&mut self) {
-        let before = self.kept.len();
-        let enough = before / 3 * 2;
-        // Large steps come last: parts of another kind are joined only as a last resort.
-        while self.kept.len() > enough && self.tolerance_mm < 1000.0 {
-            self.pass(|a, b| a.kind == b.kind && a.layer == b.layer && a.feature == b.feature);
-            self.tolerance_mm *= 2.0;
+        self.settle();
+        if self.parts.len() <= self.maximum / 8 * 7 {
+            return;
         }
-        while self.kept.len() > enough {
-            self.pass(|_, _| true);
+        while self.parts.len() > self.maximum / 4 * 3 {
+            self.tolerance = self.tolerance.larger();
+            self.settled = 0;
+            self.settle();
         }
-        self.left_out += (before - self.kept.len()) as u64;
     }
 
-    /// Joins pairs of parts that may be joined and whose common node is near the line between their ends. A node with
-    /// a larger speed, pressure or flow than both its neighbours stays, and so does one with a smaller speed, except
-    /// as a last resort.
-    fn pass(&mut self, may_join: impl Fn(&Node, &Node) -> bool) {
-        let is_last_resort = self.tolerance_mm >= 1000.0;
-        let tolerance_mm = self.tolerance_mm;
-        let mut written = 1;
-        let mut read = 1;
-        while read < self.kept.len() {
-            let node = self.kept[read];
-            if let Some(&next) = self.kept.get(read + 1) {
-                let before = self.kept[written - 1];
-                let is_near = distance_to_line_mm(&node, &before, &next) <= tolerance_mm
-                    && speed_off(&node, &before, &next) <= SPEED_PART * tolerance_mm / FIRST_TOLERANCE_MM;
-                if may_join(&node, &next) && (is_last_resort || is_near && !is_extreme(&before, &node, &next)) {
-                    self.kept[written] = joined(&node, &next, is_last_resort);
-                    (written, read) = (written + 1, read + 2);
-                    continue;
-                }
+    /// Joins the parts that are not settled, as far as the tolerance allows.
+    fn settle(&mut self) {
+        // The last settled part may be joined with the new ones.
+        let start = self.settled.saturating_sub(1);
+        let mut written = start;
+        let mut read = start;
+        while read < self.parts.len() {
+            let (part, count) = self.joined(written, read);
+            self.parts[written] = part;
+            (written, read) = (written + 1, read + count);
+        }
+        self.left_out += (self.parts.len() - written) as u64;
+        self.parts.truncate(written);
+        self.settled = written;
+    }
+
+    /// The part that replaces as many parts from `read` on as the tolerance allows, and their number. `written`: the
+    /// parts that are in place, after the last of which it begins.
+    fn joined(&self, written: usize, read: usize) -> (Part, usize) {
+        let alone = self.parts[read];
+        let Some(start) = written.checked_sub(1).map(|before| self.parts[before].node) else { return (alone, 1) };
+        let end = self.parts.len().min(read + MAX_JOINED);
+        let mut best = (alone, 1);
+        for count in 2..=end - read {
+            let parts = &self.parts[read..read + count];
+            // The node that would be left out last.
+            if self.extremes.contains(&parts[count - 2].node) {
+                break;
             }
-            self.kept[written] = node;
-            (written, read) = (written + 1, read + 1);
+            let Some(part) = part::join(&start, parts, &self.tolerance) else { break };
+            best = (part, count);
         }
-        self.kept.truncate(written);
+        best
     }
 
-    /// Returns all nodes, and the number of those that were left out.
-    pub fn finish(self) -> (Vec<Node>, u64) {
-        (self.kept, self.left_out)
-    }
-}
-
-/// Two parts as one, which ends where the second ends. As a last resort it has the values of the one that flows more, or is faster.
-fn joined(first: &Node, second: &Node, is_last_resort: bool) -> Node {
-    if !is_last_resort {
-        return Node { is_slowed: first.is_slowed || second.is_slowed, ..*second };
-    }
-    let rank = |node: &Node| (node.flow_mm3_per_s(), node.speed_mm_per_s);
-    let most = if rank(first) > rank(second) { first } else { second };
-    Node {
-        speed_mm_per_s: most.speed_mm_per_s,
-        bead: most.bead,
-        kind: most.kind,
-        is_slowed: first.is_slowed || second.is_slowed,
-        deviation_mm: first.deviation_mm.max(second.deviation_mm),
-        feature: most.feature,
-        pressure_mm3: first.pressure_mm3.max(second.pressure_mm3),
-        ..*second
+    pub fn finish(mut self) -> Reduced {
+        if self.tolerance != Tolerance::NONE {
+            self.settle();
+        }
+        let tolerance_mm = if self.left_out > 0 { self.tolerance.distance_mm } else { 0.0 };
+        let nodes = self.parts.into_iter().map(|part| part.node).collect();
+        Reduced { nodes, left_out: self.left_out, tolerance_mm }
     }
 }
 
-/// Returns true if a node's speed, flow, pressure or deviation stands out from both its neighbours by more than a
-/// tenth.
-fn is_extreme(before: &Node, node: &Node, next: &Node) -> bool {
-    let stands_out = |value: fn(&Node) -> f32| {
-        let [a, b, c] = [value(before), value(node), value(next)];
-        b > 1.1 * a.max(c) + 1.0 || b < 0.9 * a.min(c) - 1.0
-    };
-    stands_out(|node| node.speed_mm_per_s)
-        || stands_out(|node| 10.0 * node.flow_mm3_per_s())
-        || stands_out(|node| 50.0 * node.pressure_mm3)
-        || stands_out(|node| 50.0 * node.deviation_mm)
+/// The nodes that have the most of something: the scales of colours end there.
+#[derive(Debug, Default)]
+struct Extremes {
+    /// The values, and the times at which they are reached, s.
+    most: [(f32, f64); 5],
 }
 
-/// Returns the distance of a node's speed from the even change between its neighbours', as a part of the speed.
-fn speed_off(node: &Node, from: &Node, to: &Node) -> f32 {
-    let whole_s = to.time_s - from.time_s;
-    let share = if whole_s > 0.0 { ((node.time_s - from.time_s) / whole_s) as f32 } else { 0.0 };
-    let even = from.speed_mm_per_s + (to.speed_mm_per_s - from.speed_mm_per_s) * share;
-    (node.speed_mm_per_s - even).abs() / node.speed_mm_per_s.max(10.0)
-}
+impl Extremes {
+    fn values(node: &Node) -> [f32; 5] {
+        let of = |kind, value| if node.kind == kind { value } else { 0.0 };
+        [
+            of(Kind::Print, node.speed_mm_per_s),
+            of(Kind::Travel, node.speed_mm_per_s),
+            node.flow_mm3_per_s(),
+            of(Kind::Print, node.deviation_mm),
+            node.pressure_mm3,
+        ]
+    }
 
-fn distance_to_line_mm(node: &Node, from: &Node, to: &Node) -> f32 {
-    let [line, point] = [to, node]
-        .map(|end| -> [f32; 3] { std::array::from_fn(|axis| end.position_mm[axis] - from.position_mm[axis]) });
-    let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let length = dot(line, line);
-    let along = if length > 0.0 { (dot(point, line) / length).clamp(0.0, 1.0) } else { 0.0 };
-    let off: [f32; 3] = std::array::from_fn(|axis| point[axis] - along * line[axis]);
-    dot(off, off).sqrt()
+    fn note(&mut self, node: &Node) {
+        for (most, value) in self.most.iter_mut().zip(Self::values(node)) {
+            if value > most.0 {
+                *most = (value, node.time_s);
+            }
+        }
+    }
+
+    fn contains(&self, node: &Node) -> bool {
+        self.most.iter().any(|(value, time_s)| *value > 0.0 && *time_s == node.time_s)
+    }
 }
