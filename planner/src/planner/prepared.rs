@@ -8,7 +8,7 @@
 use super::Planner;
 use super::block_rules::Travel;
 use super::move_error::{MoveError, Moved};
-use super::request::Request;
+use super::request::{Move, Request};
 use crate::block::Speed;
 use crate::kinematics::Coordinate;
 use crate::methods::MotionMethods;
@@ -72,6 +72,13 @@ pub struct Prepared<'a> {
 }
 
 impl Request for Prepared<'_> {
+    fn as_move(&self) -> Option<Move> {
+        let PreparedMove { filament_100pm, feed_mm_per_s, line, ends_move, .. } = *self.planned;
+        let target_10nm = self.planned.target_10nm().map(i64::from);
+        let filament_100pm = self.now.map_or(filament_100pm, |now| now.filament_100pm);
+        Some(Move { target_10nm, filament_100pm, feed_mm_per_s, line, ends_move })
+    }
+
     #[inline(never)]
     fn add_to<S: RingMemory, M: MotionMethods>(
         &self,

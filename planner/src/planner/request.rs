@@ -23,8 +23,8 @@ pub trait Request {
         make_room: impl FnMut(&mut Planner<S, M>) -> bool,
     ) -> Result<Moved, MoveError>;
 
-    /// Returns the move if its speeds are planned here, for a recorder to write down.
-    fn as_move(&self) -> Option<&Move> {
+    /// Returns the move, for a recorder to write down; `None` if it has no path of its own.
+    fn as_move(&self) -> Option<Move> {
         None
     }
 }
@@ -79,8 +79,8 @@ impl Request for Move {
         Ok(Moved::Queued)
     }
 
-    fn as_move(&self) -> Option<&Move> {
-        Some(self)
+    fn as_move(&self) -> Option<Move> {
+        Some(*self)
     }
 }
 

@@ -304,6 +304,17 @@ impl Mesh {
         })
     }
 
+    /// Height of the surface at a place, X and Y in units of 10 nm, where nothing has faded; mm.
+    pub fn height_mm(&self, [x, y]: [f64; 2]) -> f64 {
+        let ([from_x, from_y], [columns, rows]) = (self.grid.from_10nm, self.points());
+        let ([per_x, per_y], [beyond_x, beyond_y]) = (self.spacing_10nm(), self.beyond());
+        let (column, right) = cell((x - f64::from(from_x)) as f32 / per_x, columns, beyond_x);
+        let (row, back) = cell((y - f64::from(from_y)) as f32 / per_y, rows, beyond_y);
+        let [a, b, c, d] = self.corners_um([column, row]);
+        let (front, behind) = (a + (b - a) * right, c + (d - c) * right);
+        f64::from(front + (behind - front) * back) / 1000.0
+    }
+
     /// Largest slopes and bends of the surface.
     ///
     /// # Errors
@@ -367,9 +378,26 @@ fn outwards(point: u8, points: u8, beyond: i32) -> (u8, i32) {
     }
 }
 
-/// The cubic curve between the second and the third of four heights at even distances, whose
-/// slope at each is that from its neighbour to its neighbour (Catmull and Rom 1974), at this
-/// share of the distance.
+/// Cell of a place, in cells from the first point, and the position within it: up to `beyond` cells outside the grid
+/// the outermost cell continues, and from there the surface is level.
+pub(super) fn cell(place: f32, points: u8, beyond: u8) -> (u8, f32) {
+    let last = points.saturating_sub(2);
+    let beyond = f32::from(beyond);
+    let (least, most) = (-beyond, f32::from(last) + 1.0 + beyond);
+    let place = if place < least {
+        least
+    } else if place > most {
+        most
+    } else {
+        place
+    };
+    // The cast makes negative numbers and NaN 0.
+    let cell = (place as u8).min(last);
+    (cell, place - f32::from(cell))
+}
+
+/// The cubic curve between the second and the third of four heights at even distances, whose slope at each is that from its neighbour
+/// to its neighbour (Catmull and Rom 1974), at this share of the distance.
 fn catmull_rom([before, start, end, after]: [f32; 4], share: f32) -> f32 {
     let linear = end - before;
     let square = 2.0 * before - 5.0 * start + 4.0 * end - after;

@@ -2,7 +2,7 @@
 
 use super::Bed;
 use super::bounds::SurfaceBounds;
-use super::mesh::{MAX_SLOPE, Mesh, MeshError, UM_10NM};
+use super::mesh::{MAX_SLOPE, Mesh, MeshError, UM_10NM, cell};
 use crate::kinematics::{Geometry, UNITS_PER_MM};
 use crate::passing::{PassedEntries, Stage, Waiting};
 use crate::step_queue::{Notice, StepEntry, StepKind};
@@ -349,24 +349,6 @@ impl BedStage {
             self.turn(turned, out);
         }
     }
-}
-
-/// Cell of a place, in cells from the first point, and the position within it: up to `beyond` cells
-/// outside the grid the outermost cell continues, and from there the surface is level.
-fn cell(place: f32, points: u8, beyond: u8) -> (u8, f32) {
-    let last = points.saturating_sub(2);
-    let beyond = f32::from(beyond);
-    let (least, most) = (-beyond, f32::from(last) + 1.0 + beyond);
-    let place = if place < least {
-        least
-    } else if place > most {
-        most
-    } else {
-        place
-    };
-    // The cast makes negative numbers and NaN 0.
-    let cell = (place as u8).min(last);
-    (cell, place - f32::from(cell))
 }
 
 fn round(x: f32) -> i32 {

@@ -130,7 +130,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         let moved = self.planner.add(request)?;
         if moved == Moved::Queued {
             if let Some(request) = request.as_move() {
-                self.feeder.queue.move_taken(request, self.planner.slowed_moves());
+                self.feeder.queue.move_taken(&request, self.planner.slowed_moves());
             }
             self.flushed = false;
             self.set_motors_enabled(ALL_MOTORS, true);

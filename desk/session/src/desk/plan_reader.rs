@@ -109,7 +109,7 @@ impl Plan {
         if moved == Moved::Queued {
             self.enabled_motors = ALL_MOTORS;
             if let (Some(script), Some(request)) = (&mut self.reading.script, request.as_move()) {
-                script.moved(request, self.planner.merged_moves() > merged);
+                script.moved(&request, self.planner.merged_moves() > merged);
             }
         }
         Ok(moved)
