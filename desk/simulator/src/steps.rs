@@ -238,6 +238,11 @@ impl StepSimulation {
         Ok(())
     }
 
+    /// Before the move of this line the printer makes others of its own accord, which are no part of the path.
+    pub fn own_moves_before(&mut self, line: u32) {
+        self.path.own_moves_before(line);
+    }
+
     /// Counts the stops since the last end of a move, which were not homing.
     fn count_stops(&mut self, time_s: f64) {
         let since = std::mem::replace(&mut self.since, SinceMoveEnd { time_s, ..SinceMoveEnd::default() });

@@ -1,7 +1,7 @@
 //! Hands the steps of a print to the simulation as they are made.
 
 use ferrostep_oracle::trace::{Record, StepEvent};
-use ferrostep_planner::StepObserver;
+use ferrostep_planner::{Move, StepObserver};
 use ferrostep_session::record::Observer;
 use ferrostep_simulator::steps::{StepSimulation, StepsError};
 
@@ -9,11 +9,15 @@ use ferrostep_simulator::steps::{StepSimulation, StepsError};
 pub(super) struct StepsObserver {
     steps: StepSimulation,
     error: Option<StepsError>,
+    /// The line of moves whose end no line has told.
+    open_line: Option<u32>,
+    /// True if moves of another line come before its end: the printer makes those of its own accord.
+    is_after_own: bool,
 }
 
 impl StepsObserver {
     pub(super) const fn new(steps: StepSimulation) -> Self {
-        Self { steps, error: None }
+        Self { steps, error: None, open_line: None, is_after_own: false }
     }
 
     fn play(&mut self, record: &Record) {
@@ -37,6 +41,18 @@ impl StepObserver for StepsObserver {
 }
 
 impl Observer for StepsObserver {
+    fn planned(&mut self, taken: &Move, _slowed_moves: u64) {
+        self.is_after_own |= self.open_line.is_some_and(|line| line != taken.line);
+        if !taken.ends_move {
+            self.open_line = Some(taken.line);
+            return;
+        }
+        self.open_line = None;
+        if std::mem::take(&mut self.is_after_own) {
+            self.steps.own_moves_before(taken.line);
+        }
+    }
+
     fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]) {
         self.play(&Record::PositionsRedefined { tick, positions: motor_steps.map(|steps| steps as i32).to_vec() });
     }

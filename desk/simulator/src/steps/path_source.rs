@@ -4,6 +4,7 @@ use crate::measures::Measures;
 use crate::path::PathSegment;
 use crate::plan::{MoveShape, MoveSpeeds, phases};
 use ferrostep_oracle::reference::{Job, Move, MoveKind, UNITS_PER_MM};
+use std::collections::VecDeque;
 use std::fmt;
 
 /// Steps that are kept at most until a part of the path is drawn from them, which at worst takes the square of their number.
@@ -67,6 +68,8 @@ pub struct PathSource {
     filament_mm2: f64,
     /// End of the last known part of the path, s.
     end_s: f64,
+    /// Lines before whose moves the printer makes others of its own accord.
+    after_own: VecDeque<u32>,
 }
 
 #[derive(Debug)]
@@ -91,7 +94,7 @@ impl PathSource {
         };
         let moves: Vec<(Move, f64)> =
             job.moves.iter().zip(speeds).map(|(one, speeds)| (*one, duration_s(one, speeds))).collect();
-        Self { from: From::Job { moves: moves.into_iter(), may_end_early: false }, filament_mm2, end_s: 0.0 }
+        Self { from: From::Job { moves: moves.into_iter(), may_end_early: false }, ..Self::of_steps(filament_mm2) }
     }
 
     /// Gives G10 and G11 no separate time: they ride on travels.
@@ -108,7 +111,7 @@ impl PathSource {
 
     /// The path that the motors themselves draw: a trace without its G-code is measured against that.
     pub const fn of_steps(filament_mm2: f64) -> Self {
-        Self { from: From::Steps { points: Vec::new() }, filament_mm2, end_s: 0.0 }
+        Self { from: From::Steps { points: Vec::new() }, filament_mm2, end_s: 0.0, after_own: VecDeque::new() }
     }
 
     /// The job may stop before its end.
@@ -117,6 +120,13 @@ impl PathSource {
             *may_end_early = true;
         }
         self
+    }
+
+    /// Before the move of this line the printer makes others of its own accord: to a parking place, to another tool.
+    pub(super) fn own_moves_before(&mut self, line: u32) {
+        if let From::Job { .. } = self.from {
+            self.after_own.push_back(line);
+        }
     }
 
     pub(super) fn stepped(&mut self, time_s: f64, place_mm: [f64; 2], filament_mm: f64, measures: &mut Measures) {
@@ -157,6 +167,11 @@ impl PathSource {
             }
         }
         let planned_s: f64 = part.iter().map(|(_, duration_s)| duration_s).sum();
+        let is_after_own = self.after_own.pop_front_if(|after| *after == line).is_some();
+        if is_after_own && time_s - self.end_s > planned_s {
+            self.end_s = time_s - planned_s;
+            measures.nothing_until(self.end_s);
+        }
         let scale = if planned_s > 0.0 { (time_s - self.end_s).max(0.0) / planned_s } else { 0.0 };
         let mut start_s = self.end_s;
         for (one, duration_s) in part {
