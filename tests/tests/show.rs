@@ -3,5 +3,6 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod comparisons;
+mod kinds;
 mod pages;
 mod values;

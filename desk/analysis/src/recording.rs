@@ -8,6 +8,7 @@ use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_host::printable;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
+use ferrostep_planner::surface::Mesh;
 use ferrostep_planner::{Move, StepObserver, TICKS_PER_SECOND};
 use ferrostep_printer::{HeaterStatus, Heating, Ports, Printer, Profile, Replies};
 use ferrostep_session::command_code::code;
@@ -22,8 +23,8 @@ use ferrostep_session::report::Stop;
 use ferrostep_session::watch::Watch;
 use ferrostep_session::{JobReplies, PrintSession, Session};
 use ferrostep_show::{
-    Chamber, Finding, Job, LineState, Machine, Outcome, PlannedMove, Recorder, Recording, Remarked, SourceText,
-    Temperature, Text,
+    Chamber, Finding, Job, LineState, Machine, Marked, Outcome, PlannedMove, Recorder, Recording, Remarked, SourceText,
+    Surface, Temperature, Text, Weight,
 };
 use ferrostep_simulator::nozzle::{NozzleError, NozzleSettings};
 
@@ -37,6 +38,8 @@ pub const MAX_TEXT_BYTES: usize = 8 << 20;
 
 /// Commands that home or probe.
 const HOMING: [&str; 4] = ["G28", "G29", "G30", "G38"];
+/// Commands that change the surface that Z follows.
+const MEASURING: [&str; 2] = ["G29", "M420"];
 /// Commands that wait for a heater.
 const HEATING: [&str; 4] = ["M109", "M116", "M190", "M191"];
 
@@ -76,15 +79,20 @@ struct Lines<'a, R> {
     text: Rc<RefCell<Text>>,
     state: LineState,
     line: u32,
+    /// True if the line may measure the bed.
+    measures: bool,
+    /// True if Z follows the measured bed.
+    follows: bool,
     heats: &'a RefCell<Option<bool>>,
 }
 
 impl<R: Replies, P: Ports> Onlooker<P> for Lines<'_, R> {
     fn begins(&mut self, _: &Printer<'_, P>, line: u32, text: &str) {
         self.line = line;
-        let (layer, feature) = self.text.borrow_mut().at(line);
+        let Marked { layer, feature, height_mm, width_mm } = self.text.borrow_mut().at(line);
         let is_one_of = |commands: &[&str]| commands.iter().any(|command| command.eq_ignore_ascii_case(code(text)));
-        self.state = LineState { layer, feature, homes: is_one_of(&HOMING), ..self.state };
+        self.state = LineState { layer, feature, height_mm, width_mm, homes: is_one_of(&HOMING), ..self.state };
+        self.measures = is_one_of(&MEASURING);
         // Lines that a macro stands for may heat or not.
         let is_macro = code(text).bytes().take(2).all(|byte| byte.is_ascii_alphabetic() || byte == b'_');
         *self.heats.borrow_mut() = (!is_macro).then(|| is_one_of(&HEATING));
@@ -99,9 +107,46 @@ impl<R: Replies, P: Ports> Onlooker<P> for Lines<'_, R> {
 
     fn ended(&mut self, printer: &Printer<'_, P>) {
         self.state.feed_mm_per_s = printer.feed_mm_per_s() as f32;
+        let (tool, nozzle_10nm) = printer.tool_in_use();
+        (self.state.tool, self.state.nozzle_mm) = (tool, nozzle_10nm.map(millimetres));
+        self.follow_bed(nozzle_10nm);
         let (line, state) = (self.line, self.state);
         self.session.desk().with_observer(|observer| observer.0.note_state(line, state));
     }
+}
+
+impl<R: Replies> Lines<'_, R> {
+    /// Tells the record of the surface that Z follows, if the line has changed it; the motors are at rest then.
+    fn follow_bed(&mut self, nozzle_10nm: [i64; 3]) {
+        let mut machine = self.session.desk().state().borrow_mut();
+        let follows = machine.follows_bed();
+        if std::mem::replace(&mut self.follows, follows) == follows && !(self.measures && machine.is_idle()) {
+            return;
+        }
+        let mesh = if follows { machine.mesh().map(|mesh| mesh.clone()) } else { None };
+        drop(machine);
+        let surface = mesh.map(|mesh| surface(mesh, nozzle_10nm));
+        self.session.desk().with_observer(|observer| observer.0.follow(surface));
+    }
+}
+
+/// The surface of a mesh below a nozzle at this offset from the machine's place.
+fn surface(mesh: Mesh, nozzle_10nm: [i64; 3]) -> Surface {
+    let fade_mm = millimetres(mesh.fade_10nm().into());
+    Surface::new(move |[x, y, z]| {
+        let [x, y] = [(x, 0), (y, 1)].map(|(mm, axis)| mm * UNITS_PER_MM as f64 + nozzle_10nm[axis] as f64);
+        let height_mm = mesh.height_mm([x, y]);
+        if fade_mm <= 0.0 {
+            return height_mm;
+        }
+        // The motors are at z = plan + height (1 - plan / fade).
+        let planned_mm = ((z - height_mm) / (1.0 - height_mm / fade_mm)).min(fade_mm);
+        height_mm * (1.0 - planned_mm / fade_mm).min(1.0)
+    })
+}
+
+fn millimetres(units_10nm: i64) -> f64 {
+    units_10nm as f64 / UNITS_PER_MM as f64
 }
 
 /// A print that has been recorded.
@@ -176,7 +221,15 @@ pub(crate) fn record_without(
         let mut source = SourceText::new(WithoutCommands::new(input, dropped), MAX_TEXT_BYTES);
         let text = source.text();
         let state = LineState::default();
-        let mut lines = Lines { session: &session, text: Rc::clone(&text), state, line: 0, heats: &heats };
+        let mut lines = Lines {
+            session: &session,
+            text: Rc::clone(&text),
+            state,
+            line: 0,
+            measures: false,
+            follows: false,
+            heats: &heats,
+        };
         let mut onlookers = (&mut watch, &mut lines);
         let run = job::run_watched(&mut source, &mut printer, &mut done, Macros::chosen(), &mut onlookers, look);
         let outcome = session.run_with(run, between);
@@ -254,7 +307,6 @@ impl Shown {
     /// Returns the page's facts besides the motion. `file`: the job's name; `slicer_time_s`: the slicer's estimate,
     /// used if the job's text has none.
     pub fn job(&self, file: &Path, profile: &Profile, slicer_time_s: Option<f64>, chances: Vec<(String, f64)>) -> Job {
-        let mm = |units: i64| units as f64 / UNITS_PER_MM as f64;
         Job {
             file: file.file_name().map_or_else(|| input::name(file), |file| printable::name(Path::new(file))),
             profile: profile.name.to_owned(),
@@ -265,7 +317,7 @@ impl Shown {
             filament_mm2: filament_mm2(profile),
             lines: self.done.lines,
             moves: self.moves,
-            travel_mm: [profile.lower_end_10nm.map(mm), profile.size_10nm.map(mm)],
+            travel_mm: [profile.lower_end_10nm, profile.size_10nm].map(|ends| ends.map(millimetres)),
             max_flow_mm3_per_s: profile.max_volumetric_flow_mm3_per_s.map(f64::from),
             nozzle_time_constant_s: NozzleSettings::default().time_constant_s,
             chances,
@@ -280,7 +332,12 @@ impl Shown {
             message: &remark.message,
             count: remark.count,
             line: remark.lines.first().copied(),
-            is_note: matches!(remark.kind, RemarkKind::Corner | RemarkKind::NoEffect),
+            weight: match remark.kind {
+                RemarkKind::SoftLimit => Weight::LostMoves,
+                RemarkKind::Corner => Weight::Note,
+                RemarkKind::NoEffect | RemarkKind::Unknown => Weight::WithoutEffect,
+                _ => Weight::Warning,
+            },
         });
         let outcome = Outcome { stopped, remarks: remarks.collect(), slowed_moves: self.figures.slowed_moves };
         outcome.findings(&self.recording.totals)

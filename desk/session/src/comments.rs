@@ -38,7 +38,7 @@ fn note(marks: &mut Marks, layers: &mut u32, slicer_time_s: &mut Option<f64>, co
     match mark {
         Mark::Layer => *layers = layers.saturating_add(1),
         Mark::Time(seconds) => *slicer_time_s = Some(seconds),
-        Mark::Feature(_) => {}
+        Mark::Feature(_) | Mark::Height(_) | Mark::Width(_) => {}
     }
     Some(mark)
 }

@@ -181,7 +181,7 @@ impl<F: Fn() -> (f64, u64)> Parts<F> {
                     }
                 }
                 Mark::Feature(name) => self.place.feature = index_of(&mut self.found.features, &name),
-                Mark::Time(_) => {}
+                Mark::Time(_) | Mark::Height(_) | Mark::Width(_) => {}
             }
         }
     }

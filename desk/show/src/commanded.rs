@@ -42,6 +42,8 @@ pub(crate) struct Commanded {
     ends_mm: VecDeque<[f64; 3]>,
     /// Distance along the path from the first end to the nozzle, mm.
     along_mm: f64,
+    /// Length of the path before the first end, mm.
+    before_mm: f64,
 }
 
 impl Commanded {
@@ -63,8 +65,12 @@ impl Commanded {
 
     /// The motion so far has been broken off.
     pub fn clear(&mut self) {
-        self.ends_mm.clear();
-        self.along_mm = 0.0;
+        *self = Self::default();
+    }
+
+    /// Distance along all of the path to the nozzle, mm.
+    pub fn along_mm(&self) -> f64 {
+        self.before_mm + self.along_mm
     }
 
     /// Distance of the nozzle from the path, mm, after it has moved by `step_mm`; 0 where no path is known.
@@ -80,6 +86,7 @@ impl Commanded {
                 break;
             }
             self.ends_mm.pop_front();
+            self.before_mm += self.along_mm - rest_mm;
             self.along_mm = rest_mm;
         }
         found.off_mm

@@ -7,6 +7,11 @@ use crate::totals::{Extreme, Totals};
 /// Minimum wait that is reported, s.
 const LEAST_WAIT_S: f64 = 0.5;
 
+/// Most commands without effect that are named.
+const MAX_COMMANDS: usize = 12;
+/// Least time of slowed moves that a person may want to act on, s.
+const LEAST_SLOWED_S: f64 = 0.05;
+
 /// A remark about the print, with the place that it is about.
 #[derive(Clone, Debug, Serialize)]
 pub struct Finding {
@@ -31,8 +36,21 @@ pub struct Remarked<'a> {
     pub count: u64,
     /// The first of them.
     pub line: Option<u32>,
-    /// True if the part is as it should be all the same.
-    pub is_note: bool,
+    /// How much it matters.
+    pub weight: Weight,
+}
+
+/// How much a remark matters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Weight {
+    /// Moves are drawn in to the machine's edge: the part is another one.
+    LostMoves,
+    /// A person may want to change something.
+    Warning,
+    /// The part is as it should be all the same.
+    Note,
+    /// The lines have no effect: all such remarks are one finding.
+    WithoutEffect,
 }
 
 /// Outcome of a print besides its motion.
@@ -55,19 +73,45 @@ impl Outcome<'_> {
             line: *line,
             time_s: None,
         });
-        let [notes, warnings] =
-            [true, false].map(|is_note| self.remarks.iter().filter(move |one| one.is_note == is_note));
-        let remarks = warnings.chain(notes).map(Remarked::finding);
+        let of = |weight| {
+            let remarks = self.remarks.iter().filter(move |one| one.weight == weight);
+            remarks.map(Remarked::finding)
+        };
         let slowed = slowed(self.slowed_moves, totals);
+        let (slow, hardly_slow) = if totals.slowed_s >= LEAST_SLOWED_S { (slowed, None) } else { (None, slowed) };
         let retraction = first_retraction(totals);
-        stop.chain(remarks).chain(slowed).chain(retraction).chain(extremes(totals)).collect()
+        let warnings = of(Weight::LostMoves).chain(of(Weight::Warning)).chain(slow);
+        let notes = of(Weight::Note).chain(self.without_effect()).chain(hardly_slow);
+        stop.chain(warnings).chain(notes).chain(retraction).chain(extremes(totals)).collect()
+    }
+
+    /// The lines without effect, as one note.
+    fn without_effect(&self) -> Option<Finding> {
+        let all = || self.remarks.iter().filter(|one| one.weight == Weight::WithoutEffect);
+        let count: u64 = all().map(|one| one.count.max(1)).sum();
+        let mut commands: Vec<&str> = Vec::new();
+        for one in all() {
+            let command = one.message.split(':').next().unwrap_or_default();
+            if !commands.contains(&command) {
+                commands.push(command);
+            }
+        }
+        let (shown, more) = commands.split_at(commands.len().min(MAX_COMMANDS));
+        let more = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
+        let lines = if count == 1 { "1 line has" } else { &format!("{count} lines have") };
+        (count > 0).then(|| Finding {
+            weight: "note",
+            text: format!("{lines} no effect on this machine: {}{more}", shown.join(", ")),
+            line: all().filter_map(|one| one.line).min(),
+            time_s: None,
+        })
     }
 }
 
 impl Remarked<'_> {
     fn finding(&self) -> Finding {
         Finding {
-            weight: if self.is_note { "note" } else { "warning" },
+            weight: if self.weight <= Weight::Warning { "warning" } else { "note" },
             text: match self.count {
                 0 | 1 => self.message.to_owned(),
                 count => format!("{} ({count} lines)", self.message),
@@ -90,7 +134,8 @@ fn slowed(moves: u64, totals: &Totals) -> Option<Finding> {
             "{moves} slowed, for the board cannot keep up with them: {:.1} s of the print. This is the first",
             totals.slowed_s
         );
-        place("warning", &totals.first_slowed, text)
+        let weight = if totals.slowed_s >= LEAST_SLOWED_S { "warning" } else { "note" };
+        place(weight, &totals.first_slowed, text)
     })
 }
 
@@ -131,10 +176,16 @@ mod tests {
 
     #[test]
     fn findings_come_in_the_order_of_their_weight() {
-        let remark = |message, count, is_note| Remarked { message, count, line: Some(7), is_note };
+        let remark = |message, count, weight| Remarked { message, count, line: Some(7), weight };
         let outcome = Outcome {
             stopped: Some(("the bed is gone".to_owned(), Some(9))),
-            remarks: vec![remark("a corner", 1, true), remark("no heat", 3, false)],
+            remarks: vec![
+                remark("a corner", 1, Weight::Note),
+                remark("M862.3: not checked", 2, Weight::WithoutEffect),
+                remark("no heat", 3, Weight::Warning),
+                remark("M115: unknown command", 1, Weight::WithoutEffect),
+                remark("the target is outside", 4, Weight::LostMoves),
+            ],
             slowed_moves: 1,
         };
         let at = |value, line| Extreme { value, time_s: 1.5, line };
@@ -152,17 +203,23 @@ mod tests {
             told,
             [
                 ("stop", "The print stops here: the bed is gone", Some(9)),
+                ("warning", "the target is outside (4 lines)", Some(7)),
                 ("warning", "no heat (3 lines)", Some(7)),
-                ("note", "a corner", Some(7)),
                 (
                     "warning",
                     "1 move is slowed, for the board cannot keep up with them: 2.0 s of the print. This is the first",
                     Some(4)
                 ),
+                ("note", "a corner", Some(7)),
+                ("note", "3 lines have no effect on this machine: M862.3, M115", Some(7)),
                 ("place", "The only retraction: 0.80 mm", Some(3)),
                 ("extreme", "Fastest printing: 60 mm/s", Some(5)),
             ]
         );
+        totals.slowed_s = 0.01;
+        let findings = outcome.findings(&totals);
+        let slowed = findings.iter().find(|one| one.text.contains("slowed"));
+        assert_eq!(slowed.map(|one| one.weight), Some("note"), "a hundredth of a second is nothing to act on");
         assert!(Outcome::default().findings(&Totals::default()).is_empty());
     }
 }

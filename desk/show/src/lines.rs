@@ -16,6 +16,14 @@ pub struct LineState {
     pub feed_mm_per_s: f32,
     /// True if the line homes or probes.
     pub homes: bool,
+    /// The selected tool.
+    pub tool: u8,
+    /// Offset from the carriage's place to the tool's nozzle, mm.
+    pub nozzle_mm: [f64; 3],
+    /// Height and width of the bead by the slicer's comments, mm; 0 where they are unknown.
+    pub height_mm: f32,
+    /// See `height_mm`.
+    pub width_mm: f32,
 }
 
 /// States by the line from which on they hold.

@@ -11,6 +11,10 @@ pub enum Mark {
     Layer,
     /// Another feature is printed from here on; its name.
     Feature(String),
+    /// Beads are of this height from here on, mm.
+    Height(f32),
+    /// Beads are of this width from here on, mm.
+    Width(f32),
     /// The slicer's time of the print, s.
     Time(f64),
 }
@@ -38,6 +42,9 @@ enum Compared {
     Everything,
     Model,
 }
+
+/// Wider and higher beads are no beads, mm.
+const MAX_BEAD_MM: f32 = 100.0;
 
 /// Features that Simplify3D 3 and FlashPrint write by their bare name.
 const BARE_FEATURES: [&str; 15] = [
@@ -80,6 +87,9 @@ impl Marks {
         }
         if let Some(name) = feature(body) {
             return Some(Mark::Feature(name.to_owned()));
+        }
+        if let Some(size) = size(body) {
+            return Some(size);
         }
         let (of, seconds) = time(comment)?;
         // The first of several counts, and a better one.
@@ -125,6 +135,20 @@ fn feature(body: &str) -> Option<&str> {
     let bare = || BARE_FEATURES.contains(&body).then_some(body);
     let name = marked.or_else(quoted).or_else(bare)?.trim();
     (!name.is_empty()).then_some(name)
+}
+
+/// Returns the size of the beads: `;HEIGHT:0.2`, `;WIDTH:0.45` (PrusaSlicer and its family), `; LAYER_HEIGHT: 0.2`,
+/// `; LINE_WIDTH: 0.42` (Bambu Studio).
+fn size(body: &str) -> Option<Mark> {
+    let marks: [(&str, fn(f32) -> Mark); 4] = [
+        ("HEIGHT:", Mark::Height),
+        ("WIDTH:", Mark::Width),
+        ("LAYER_HEIGHT:", Mark::Height),
+        ("LINE_WIDTH:", Mark::Width),
+    ];
+    let (mark, rest) = marks.iter().find_map(|(start, mark)| Some((mark, body.strip_prefix(start)?)))?;
+    let millimetres: f32 = rest.trim().parse().ok()?;
+    (millimetres > 0.0 && millimetres < MAX_BEAD_MM).then(|| mark(millimetres))
 }
 
 /// A slicer's time that can be compared, s: of the machine's usual mode, and of all of the print.
@@ -190,6 +214,22 @@ mod tests {
             ("; outer perimeter speed 5", None),
         ] {
             assert_eq!(Marks::default().read(comment), name.map(|name| Mark::Feature(name.to_owned())), "{comment}");
+        }
+    }
+
+    #[test]
+    fn sizes_of_beads() {
+        for (comment, mark) in [
+            (";HEIGHT:0.2", Some(Mark::Height(0.2))),
+            (";WIDTH:0.45", Some(Mark::Width(0.45))),
+            ("; LAYER_HEIGHT: 0.28", Some(Mark::Height(0.28))),
+            ("; LINE_WIDTH: 0.42", Some(Mark::Width(0.42))),
+            (";HEIGHT:", None),
+            (";WIDTH:nan", None),
+            (";WIDTH:-1", None),
+            (";WIDTH:1e9", None),
+        ] {
+            assert_eq!(Marks::default().read(comment), mark, "{comment}");
         }
     }
 

@@ -47,6 +47,10 @@ pub struct Node {
     /// Filament for each mm of path, mm^2, for a part that prints, or that travels while it draws filament back; for
     /// filament alone its length, mm.
     pub bead: f32,
+    /// Height and width of the bead by the slicer's comments, mm; 0 where they are unknown.
+    pub height_mm: f32,
+    /// See `height_mm`.
+    pub width_mm: f32,
     /// The volume that is compressed in the nozzle then, mm^3; negative: the gap after a retraction.
     pub pressure_mm3: f32,
     /// Distance from the path that the lines ask for, mm: what input shaping and corners take off. 0 if that path is unknown.
@@ -63,6 +67,8 @@ pub struct Node {
     pub kind: Kind,
     /// Number of the feature in the list of their names.
     pub feature: u8,
+    /// The tool.
+    pub tool: u8,
 }
 
 impl Node {

@@ -130,6 +130,9 @@ fn columns(recording: &Recording) -> Columns {
     columns.add("line", 1.0, nodes().map(|node| node.line.into()));
     columns.add("layer", 1.0, nodes().map(|node| node.layer.into()));
     columns.add("kind", 1.0, nodes().map(|node| f64::from(node.kind as u8)));
+    columns.add("tool", 1.0, nodes().map(|node| node.tool.into()));
+    columns.add("height", 1e-3, nodes().map(|node| node.height_mm.into()));
+    columns.add("width", 1e-3, nodes().map(|node| node.width_mm.into()));
     columns.add("feature", 1.0, nodes().map(|node| node.feature.into()));
     columns.add("heatTime", 0.01, heat().map(|heat| heat.time_s));
     for (heater, [celsius, target]) in [["nozzle", "nozzleTarget"], ["bed", "bedTarget"]].into_iter().enumerate() {

@@ -1,10 +1,9 @@
 //! Turns samples into nodes: a node at each end of a move, and between them where direction or speed change.
 
-use std::collections::VecDeque;
-
 use crate::commanded::{Commanded, PlannedMove, SlowedLines};
 use crate::lines::{LineState, LineStates};
 use crate::node::{Kind, Node, UNMARKED};
+use crate::pieces::{Piece, Pieces};
 
 /// Largest distance of a sample from the straight line between two nodes, mm.
 const STRAIGHT_MM: f64 = 0.012;
@@ -29,13 +28,21 @@ pub(crate) struct Place {
     pub pressure_mm3: f64,
 }
 
+impl Place {
+    /// Distance to another place, mm.
+    pub fn distance_mm(&self, other: &Self) -> f64 {
+        let squares = self.position_mm.iter().zip(other.position_mm).map(|(a, b)| (a - b) * (a - b));
+        squares.sum::<f64>().sqrt()
+    }
+}
+
 /// A place with the path and the speed up to it.
 #[derive(Clone, Copy, Debug, Default)]
 struct Passed {
     place: Place,
     /// Path since the beginning of the move.
     along_mm: f64,
-    /// Speed at the place: between those before and after it.
+    /// Speed at the place.
     speed_mm_per_s: f64,
     /// Distance from the path that the lines ask for.
     deviation_mm: f64,
@@ -65,41 +72,36 @@ impl Door {
 #[derive(Debug)]
 pub(crate) struct Path {
     filament_mm2: f64,
+    /// Filament of a step of the extruder.
+    filament_step_mm: f64,
     /// The end of the last move.
     start: Passed,
     /// The last node that is kept of this move, and the last sample.
     anchor: Passed,
     last: Passed,
-    /// Speed over the interval before the last sample, and that interval.
-    last_interval: (f64, f64),
     doors: [Door; 5],
     /// The last sample that lay on the line from the last node.
     admitted: Option<Passed>,
     open: Vec<Passed>,
-    /// The end of the last move, whose speed is known with the next sample.
-    ended: Option<Node>,
-    /// Filament of moves that are planned and have not ended, mm.
-    planned_mm: VecDeque<f64>,
-    planned_part_mm: f64,
+    pieces: Pieces<Passed>,
     commanded: Commanded,
     slowed: SlowedLines,
 }
 
 impl Path {
-    pub fn new(filament_mm2: f64, start: Place) -> Self {
+    /// `filament_step_mm`: filament of a step of the extruder.
+    pub fn new(filament_mm2: f64, filament_step_mm: f64, start: Place) -> Self {
         let start = Passed { place: start, ..Passed::default() };
         Self {
             filament_mm2,
+            filament_step_mm,
             start,
             anchor: start,
             last: start,
-            last_interval: (0.0, 1.0),
             doors: [Door::OPEN; 5],
             admitted: None,
             open: Vec::new(),
-            ended: None,
-            planned_mm: VecDeque::new(),
-            planned_part_mm: 0.0,
+            pieces: Pieces::default(),
             commanded: Commanded::default(),
             slowed: SlowedLines::default(),
         }
@@ -109,58 +111,42 @@ impl Path {
     pub fn planned(&mut self, taken: &PlannedMove) {
         let length_mm = self.commanded.take(self.last.place.position_mm, taken.target_mm);
         self.slowed.take(taken, length_mm);
-        self.planned_part_mm += taken.filament_mm;
-        if taken.ends_move {
-            self.planned_mm.push_back(std::mem::take(&mut self.planned_part_mm));
-        }
+        self.pieces.plan(taken, length_mm);
     }
 
     /// The motion so far has been broken off.
     pub fn broken_off(&mut self) {
         self.commanded.clear();
-        self.planned_mm.clear();
-        self.planned_part_mm = 0.0;
+        self.pieces.clear();
     }
 
     /// Starts again at another place.
     pub fn begin(&mut self, place: Place) {
         let start = Passed { place, ..Passed::default() };
         (self.start, self.anchor, self.last) = (start, start, start);
-        self.last_interval = (0.0, 1.0);
         self.doors = [Door::OPEN; 5];
         self.admitted = None;
         self.open.clear();
     }
 
-    /// The last place.
-    pub const fn last(&self) -> Place {
-        self.last.place
-    }
-
-    /// Takes the next sample.
-    pub fn pass(&mut self, place: Place, keep: &mut impl FnMut(Node)) {
-        let before = self.last.place;
-        let step_s = place.time_s - before.time_s;
-        let deltas: [f64; 3] = std::array::from_fn(|axis| place.position_mm[axis] - before.position_mm[axis]);
-        let step_mm = deltas.iter().map(|delta| delta * delta).sum::<f64>().sqrt();
-        if step_s <= 0.0 && step_mm == 0.0 {
+    /// Takes the next sample, with the speed there.
+    pub fn pass(&mut self, place: Place, speed_mm_per_s: f64) {
+        let step_mm = self.last.place.distance_mm(&place);
+        if place.time_s <= self.last.place.time_s && step_mm == 0.0 {
             self.last.place = place;
+            self.end_pieces();
             return;
         }
-        let speed = if step_s > 0.0 { step_mm / step_s } else { self.last_interval.0 };
-        // The speed at the sample before is known only now.
-        let (speed_before, before_s) = self.last_interval;
-        let between = before_s + step_s;
-        self.last.speed_mm_per_s =
-            if between > 0.0 { (speed_before * step_s + speed * before_s) / between } else { speed };
-        if let Some(ended) = self.ended.take() {
-            let speed = if ended.kind.moves() { self.last.speed_mm_per_s as f32 } else { 0.0 };
-            keep(Node { speed_mm_per_s: speed, ..ended });
-        }
         self.keep_if_bent();
-        self.last_interval = (speed, step_s);
         let deviation_mm = self.commanded.deviation_mm(place.position_mm, step_mm);
-        self.last = Passed { place, along_mm: self.last.along_mm + step_mm, speed_mm_per_s: speed, deviation_mm };
+        self.last = Passed { place, along_mm: self.last.along_mm + step_mm, speed_mm_per_s, deviation_mm };
+        self.end_pieces();
+    }
+
+    /// Notes which planned moves have ended at the last sample.
+    fn end_pieces(&mut self) {
+        let filament_mm = self.last.place.filament_mm - self.start.place.filament_mm;
+        self.pieces.pass(self.commanded.along_mm(), filament_mm, self.filament_step_mm, self.last);
     }
 
     /// Keeps a node at the sample before the last one if the last one does not lie on the line from the last node through it.
@@ -204,51 +190,95 @@ impl Path {
 
     /// The move of a line ends at the last sample. Its nodes go to `keep`.
     pub fn end(&mut self, line: u32, states: &mut LineStates, keep: &mut impl FnMut(Node)) {
-        let filament_mm = self.planned_mm.pop_front();
-        self.close(line, states.at(line), filament_mm, keep);
+        let pieces = self.pieces.end_line();
+        let own = pieces.iter().flatten().filter(|piece| piece.line != line);
+        self.close_own(own.copied(), states, keep);
+        let of_line = pieces.as_ref().map(|pieces| pieces.iter().filter(|piece| piece.line == line));
+        let filament_mm = of_line.map(|pieces| pieces.map(|piece| piece.filament_mm).sum());
+        let motion = self.motion(self.last, filament_mm);
+        self.close(self.last, line, states.at(line), motion, keep);
     }
 
     /// The motion so far has come to its end without the end of a line's move (homing, waits in between).
     pub fn settle(&mut self, line: u32, homes: bool, states: &mut LineStates, keep: &mut impl FnMut(Node)) {
+        let mut own = self.pieces.end_own();
+        if let Some(last) = own.last_mut() {
+            // Motors settle after their last step.
+            last.ended = last.ended.filter(|end| self.last.along_mm - end.along_mm > REST_MM).or(Some(self.last));
+        }
+        self.last.speed_mm_per_s = 0.0;
+        let is_known = !own.is_empty();
+        self.close_own(own.into_iter(), states, keep);
         let state = states.at(line);
-        self.close(line, LineState { homes: homes || state.homes, ..state }, None, keep);
-        if let Some(ended) = self.ended.take() {
-            keep(Node { speed_mm_per_s: 0.0, ..ended });
+        let motion = self.motion(self.last, None);
+        // The printer prints nothing of its own accord.
+        let motion = if is_known && motion.0 == Kind::Print { (Kind::Travel, 0.0) } else { motion };
+        self.close(self.last, line, LineState { homes: homes || state.homes, ..state }, motion, keep);
+    }
+
+    /// Ends moves that the printer has made itself, each where it has ended.
+    fn close_own(
+        &mut self,
+        pieces: impl Iterator<Item = Piece<Passed>>,
+        states: &mut LineStates,
+        keep: &mut impl FnMut(Node),
+    ) {
+        for piece in pieces {
+            let Some(end) = piece.ended else { continue };
+            let motion = match () {
+                () if piece.moves => (Kind::Travel, 0.0),
+                () if piece.filament_mm < 0.0 => (Kind::Retract, piece.filament_mm),
+                () => (Kind::Prime, piece.filament_mm),
+            };
+            self.close(end, piece.line, states.at(piece.line), motion, keep);
         }
     }
 
-    fn close(&mut self, line: u32, state: LineState, filament_mm: Option<f64>, keep: &mut impl FnMut(Node)) {
-        let pushed_mm = self.last.place.filament_mm - self.start.place.filament_mm;
-        let path_mm = self.last.along_mm;
-        // The extruder's steps say what is pushed where moves are unknown (prepared jobs), and one of them may belong
-        // to a neighbour.
+    /// The kind of the motion from the end of the last move up to a place, and its [`Node::bead`], by the planned filament.
+    fn motion(&self, end: Passed, filament_mm: Option<f64>) -> (Kind, f64) {
+        let pushed_mm = end.place.filament_mm - self.start.place.filament_mm;
+        let path_mm = end.along_mm - self.start.along_mm;
+        // The extruder's steps say what is pushed where moves are unknown, and one of them may belong to a neighbour.
         let is_bead = pushed_mm.abs() * self.filament_mm2 > THINNEST_MM2 * path_mm;
         let filament_mm = filament_mm.unwrap_or(if is_bead { pushed_mm } else { 0.0 });
-        let took_s = self.last.place.time_s - self.start.place.time_s;
-        if took_s > 0.0 {
-            let volume_mm3 = filament_mm * self.filament_mm2;
-            // A bead is never thicker than the nozzle is wide by much: a short path with much filament is a motor that settles.
-            let alone = path_mm < REST_MM && volume_mm3.abs() > 1.5 * path_mm;
-            let (kind, bead) = match () {
-                () if state.homes => (Kind::Homing, 0.0),
-                () if alone && filament_mm < 0.0 => (Kind::Retract, filament_mm),
-                () if alone => (Kind::Prime, filament_mm),
-                () if path_mm <= 0.0 => (Kind::Wait, 0.0),
-                () if filament_mm > 0.0 => (Kind::Print, volume_mm3 / path_mm),
-                () => (Kind::Travel, volume_mm3 / path_mm),
-            };
+        let volume_mm3 = filament_mm * self.filament_mm2;
+        // A bead is never thicker than the nozzle is wide by much: a short path with much filament is a motor that settles.
+        let alone = path_mm < REST_MM && volume_mm3.abs() > 1.5 * path_mm;
+        match () {
+            () if alone && filament_mm < 0.0 => (Kind::Retract, filament_mm),
+            () if alone => (Kind::Prime, filament_mm),
+            () if path_mm <= 0.0 => (Kind::Wait, 0.0),
+            () if filament_mm > 0.0 => (Kind::Print, volume_mm3 / path_mm),
+            () => (Kind::Travel, volume_mm3 / path_mm),
+        }
+    }
+
+    /// Ends the motion up to a place.
+    fn close(
+        &mut self,
+        end: Passed,
+        line: u32,
+        state: LineState,
+        (kind, bead): (Kind, f64),
+        keep: &mut impl FnMut(Node),
+    ) {
+        if end.place.time_s > self.start.place.time_s {
+            let (kind, bead) = if state.homes { (Kind::Homing, 0.0) } else { (kind, bead) };
             let is_slowed = self.slowed.contains(line);
-            let node = |passed: &Passed, speed| Node {
-                deviation_mm: if kind == Kind::Homing { 0.0 } else { passed.deviation_mm as f32 },
-                is_slowed,
-                ..node(passed.place, speed, kind, bead, line, state)
-            };
-            for passed in self.open.drain(..) {
-                keep(node(&passed, if kind.moves() { passed.speed_mm_per_s } else { 0.0 }));
+            let after = self.open.iter().position(|passed| passed.place.time_s >= end.place.time_s);
+            let before = self.open.drain(..after.unwrap_or(self.open.len()));
+            for passed in before.chain([end]) {
+                let speed = if kind.moves() { passed.speed_mm_per_s } else { 0.0 };
+                keep(Node {
+                    deviation_mm: if kind == Kind::Homing { 0.0 } else { passed.deviation_mm as f32 },
+                    is_slowed,
+                    ..node(passed.place, speed, kind, bead, line, state)
+                });
             }
-            if let Some(ended) = self.ended.replace(node(&self.last, 0.0)) {
-                keep(ended);
-            }
+        }
+        self.start = end;
+        if end.place.time_s < self.last.place.time_s {
+            return;
         }
         self.open.clear();
         self.last.along_mm = 0.0;
@@ -259,17 +289,21 @@ impl Path {
 }
 
 fn node(place: Place, speed: f64, kind: Kind, bead: f64, line: u32, state: LineState) -> Node {
+    let nozzle_mm: [f64; 3] = std::array::from_fn(|axis| place.position_mm[axis] + state.nozzle_mm[axis]);
     Node {
         time_s: place.time_s,
-        position_mm: place.position_mm.map(|mm| mm as f32),
+        position_mm: nozzle_mm.map(|mm| mm as f32),
         speed_mm_per_s: speed as f32,
         bead: bead as f32,
+        height_mm: state.height_mm,
+        width_mm: state.width_mm,
         pressure_mm3: place.pressure_mm3 as f32,
         feed_mm_per_s: state.feed_mm_per_s,
         line,
         layer: state.layer.unwrap_or(UNMARKED),
         kind,
         feature: state.feature,
+        tool: state.tool,
         ..Node::default()
     }
 }

@@ -3,16 +3,16 @@
 use ferrostep_simulator::nozzle::{Nozzle, NozzleError, NozzleSettings};
 
 use crate::commanded::PlannedMove;
+use crate::layers::Layers;
 use crate::lines::{LineState, LineStates};
 use crate::node::{Kind, Node, UNMARKED};
 use crate::path::{Path, Place};
 use crate::reduce::{Nodes, Reduced};
 use crate::sampler::{Sample, Sampler};
+use crate::speeds::{Ending, Speeds};
+use crate::surface::Surface;
 use crate::temperatures::{Temperature, Temperatures};
 use crate::totals::Totals;
-
-/// Height difference above which a printed move begins a layer, in a file that marks no layers, mm.
-const LAYER_MM: f32 = 0.04;
 
 /// Shorter waits are a rounding of clocks.
 const SHORTEST_WAIT_S: f64 = 1e-5;
@@ -39,6 +39,8 @@ pub struct Machine {
 pub struct Recorder {
     machine: Machine,
     sampler: Sampler,
+    surface: Option<Surface>,
+    speeds: Speeds,
     path: Path,
     nozzle: Nozzle,
     /// Volume in the nozzle beyond what has flowed out, mm^3.
@@ -73,20 +75,20 @@ struct Kept {
     nodes: Nodes,
     totals: Totals,
     last: Node,
-    /// Present layer and its height, in a file that marks no layers.
-    by_height: u32,
-    layer_z_mm: Option<f32>,
+    layers: Layers,
+    /// True from the first node on whose layer the file marks.
+    is_marked: bool,
 }
 
 impl Kept {
     fn keep(&mut self, mut node: Node) {
         if node.layer == UNMARKED {
-            let z_mm = node.position_mm[2];
-            if node.kind == Kind::Print && self.layer_z_mm.is_none_or(|below| (z_mm - below).abs() > LAYER_MM) {
-                self.by_height += u32::from(self.layer_z_mm.is_some());
-                self.layer_z_mm = Some(z_mm);
+            node.layer = self.layers.note(&self.last, &node);
+            if self.layers.take_beginning() {
+                self.totals.begin_part(self.last.time_s);
             }
-            node.layer = self.by_height;
+        } else if !std::mem::replace(&mut self.is_marked, true) && self.totals.has_printed() {
+            self.totals.begin_part(self.last.time_s);
         }
         self.totals.note(&self.last, &node);
         let is_longer = matches!(node.kind, Kind::Wait | Kind::Heating)
@@ -107,13 +109,16 @@ impl Recorder {
             nodes: Nodes::new(machine.max_nodes.max(16)),
             totals: Totals::default(),
             last: Node::default(),
-            by_height: 0,
-            layer_z_mm: None,
+            layers: Layers::default(),
+            is_marked: false,
         };
         nodes.nodes.push(Node::default());
+        let step_mm = machine.mm_per_step.iter().map(|axis| axis.iter().map(|mm| mm.abs()).sum()).fold(0.0, f64::max);
         Ok(Self {
             sampler: Sampler::new(machine.tick_hz.max(1000)),
-            path: Path::new(machine.filament_mm2, Place::default()),
+            surface: None,
+            speeds: Speeds::new(step_mm, Place::default()),
+            path: Path::new(machine.filament_mm2, machine.filament_mm_per_step, Place::default()),
             nozzle: Nozzle::new(machine.nozzle)?,
             pressure_mm3: 0.0,
             states: LineStates::default(),
@@ -157,14 +162,23 @@ impl Recorder {
         self.tick = self.tick.max(tick);
     }
 
-    /// Gives the motors other positions from now on, as homing does.
+    /// Z follows this surface from now on, or none; the motors are at rest.
+    pub fn follow(&mut self, surface: Option<Surface>) {
+        self.settle(false);
+        self.surface = surface;
+        let place = self.place(self.tick, self.sampler.positions().map(|steps| steps as f64));
+        self.begin(place);
+    }
+
+    /// Gives the motors other positions from now on, as homing does. Z then follows no surface.
     pub fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]) {
         self.tick = self.tick.max(tick);
         self.settle(true);
+        self.surface = None;
         self.path.broken_off();
         self.sampler.redefine(tick, motor_steps);
         let place = self.place(tick, motor_steps.map(|steps| steps as f64));
-        self.path.begin(place);
+        self.begin(place);
         let node = Node {
             time_s: place.time_s,
             position_mm: place.position_mm.map(|mm| mm as f32),
@@ -189,12 +203,13 @@ impl Recorder {
         let state = self.states.at(self.line);
         let kind = if heats { Kind::Heating } else { Kind::Wait };
         // Pressure continues to fall.
-        let mut place = self.path.last();
+        let mut place = self.speeds.last();
         let time_s = self.time_s(self.tick);
         self.press(time_s - place.time_s, 0.0);
         place.time_s = time_s;
         place.pressure_mm3 = self.pressure_mm3;
-        self.path.begin(place);
+        self.begin(place);
+        let nozzle_mm: [f64; 3] = std::array::from_fn(|axis| place.position_mm[axis] + state.nozzle_mm[axis]);
         let node = Node {
             time_s,
             pressure_mm3: self.pressure_mm3 as f32,
@@ -203,7 +218,8 @@ impl Recorder {
             layer: state.layer.unwrap_or(UNMARKED),
             kind,
             feature: state.feature,
-            position_mm: place.position_mm.map(|mm| mm as f32),
+            tool: state.tool,
+            position_mm: nozzle_mm.map(|mm| mm as f32),
             ..Node::default()
         };
         self.nodes.keep(node);
@@ -218,7 +234,13 @@ impl Recorder {
     pub fn finish(mut self) -> Recording {
         self.settle(false);
         let Reduced { nodes, left_out, tolerance_mm } = self.nodes.nodes.finish();
-        Recording { nodes, left_out, tolerance_mm, totals: self.nodes.totals, temperatures: self.temperatures.finish() }
+        Recording {
+            nodes,
+            left_out,
+            tolerance_mm,
+            totals: self.nodes.totals.finish(),
+            temperatures: self.temperatures.finish(),
+        }
     }
 
     fn time_s(&self, tick: u64) -> f64 {
@@ -228,9 +250,10 @@ impl Recorder {
     fn place(&self, tick: u64, [a, b, c, extruder]: [f64; 4]) -> Place {
         let [x, y, z] = self.machine.mm_per_step;
         let sum = |row: [f64; 3]| row[0] * a + row[1] * b + row[2] * c;
+        let motors_mm = [sum(x), sum(y), sum(z)];
         Place {
             time_s: self.time_s(tick),
-            position_mm: [sum(x), sum(y), sum(z)],
+            position_mm: self.surface.as_ref().map_or(motors_mm, |surface| surface.planned_mm(motors_mm)),
             filament_mm: extruder * self.machine.filament_mm_per_step,
             pressure_mm3: self.pressure_mm3,
         }
@@ -245,15 +268,33 @@ impl Recorder {
         }
     }
 
+    /// Starts again at another place.
+    fn begin(&mut self, place: Place) {
+        self.speeds.begin(place);
+        self.path.begin(place);
+    }
+
     /// Takes all samples up to a tick.
     fn sample(&mut self, until: u64) {
         while let Some(Sample { tick, motors, ends }) = self.sampler.next(until) {
-            let before = self.path.last();
-            let mut place = self.place(tick, motors);
-            self.press(place.time_s - before.time_s, place.filament_mm - before.filament_mm);
-            place.pressure_mm3 = self.pressure_mm3;
-            let Self { path, nodes, states, .. } = self;
-            path.pass(place, &mut |node| nodes.keep(node));
+            self.take(tick, motors, ends);
+            self.pass(false);
+        }
+    }
+
+    fn take(&mut self, tick: u64, motors: [f64; 4], ends: Option<u32>) {
+        let before = self.speeds.last();
+        let mut place = self.place(tick, motors);
+        self.press(place.time_s - before.time_s, place.filament_mm - before.filament_mm);
+        place.pressure_mm3 = self.pressure_mm3;
+        self.speeds.push(Ending { place, ends });
+    }
+
+    /// Passes on the samples whose speed is known: all of them at rest.
+    fn pass(&mut self, is_at_rest: bool) {
+        let Self { path, nodes, states, speeds, .. } = self;
+        while let Some((Ending { place, ends }, speed_mm_per_s)) = speeds.pop(is_at_rest) {
+            path.pass(place, speed_mm_per_s);
             if let Some(line) = ends {
                 path.end(line, states, &mut |node| nodes.keep(node));
             }
@@ -264,14 +305,9 @@ impl Recorder {
     fn settle(&mut self, homes: bool) {
         self.sample(self.tick);
         // The rest of a grid's interval.
-        let positions = self.sampler.positions().map(|steps| steps as f64);
-        let place = self.place(self.tick, positions);
-        let before = self.path.last();
-        let filament_mm = place.filament_mm - before.filament_mm;
-        self.press(place.time_s - before.time_s, filament_mm);
-        let place = Place { pressure_mm3: self.pressure_mm3, ..place };
+        self.take(self.tick, self.sampler.positions().map(|steps| steps as f64), None);
+        self.pass(true);
         let Self { path, nodes, states, line, .. } = self;
-        path.pass(place, &mut |node| nodes.keep(node));
         path.settle(*line, homes, states, &mut |node| nodes.keep(node));
     }
 }

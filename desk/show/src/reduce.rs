@@ -38,11 +38,9 @@ impl Tolerance {
     fn larger(self) -> Self {
         match () {
             () if self == Self::NONE => Self { distance_mm: FIRST_TOLERANCE_MM, share: FIRST_SHARE, ..self },
-            () if self.distance_mm < LAST_TOLERANCE_MM => Self {
-                distance_mm: self.distance_mm * std::f32::consts::SQRT_2,
-                share: 2.0 * self.share,
-                ..self
-            },
+            () if self.distance_mm < LAST_TOLERANCE_MM => {
+                Self { distance_mm: self.distance_mm * std::f32::consts::SQRT_2, share: 2.0 * self.share, ..self }
+            }
             () => Self { nodes: self.nodes.saturating_mul(2), ..self },
         }
     }

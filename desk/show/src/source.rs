@@ -29,27 +29,45 @@ pub struct Text {
     changes: std::collections::VecDeque<(u32, Change)>,
     marks: Marks,
     layer: u32,
-    feature: u8,
+    marked: Marked,
+}
+
+/// What comments say of a line.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Marked {
+    /// Layer, from 0; `None` where the file marks none.
+    pub layer: Option<u32>,
+    /// Number of the feature in the list of their names.
+    pub feature: u8,
+    /// Height of beads, mm; 0 if unknown.
+    pub height_mm: f32,
+    /// Width of beads, mm; 0 if unknown.
+    pub width_mm: f32,
 }
 
 #[derive(Clone, Copy, Debug)]
 enum Change {
     Layer,
     Feature(u8),
+    Height(f32),
+    Width(f32),
 }
 
 impl Text {
-    /// Layer (from 0; `None` where the file marks none) and feature at a line; lines must not go back.
-    pub fn at(&mut self, line: u32) -> (Option<u32>, u8) {
+    /// Returns what comments say of a line; lines must not go back.
+    pub fn at(&mut self, line: u32) -> Marked {
         while let Some((_, change)) = self.changes.pop_front_if(|(from, _)| *from <= line) {
             match change {
                 // The first mark begins layer 0.
                 Change::Layer if !self.has_layers => self.has_layers = true,
                 Change::Layer => self.layer += 1,
-                Change::Feature(feature) => self.feature = feature,
+                // A width is of one feature.
+                Change::Feature(feature) => (self.marked.feature, self.marked.width_mm) = (feature, 0.0),
+                Change::Height(height_mm) => self.marked.height_mm = height_mm,
+                Change::Width(width_mm) => self.marked.width_mm = width_mm,
             }
         }
-        (self.has_layers.then_some(self.layer), self.feature)
+        Marked { layer: self.has_layers.then_some(self.layer), ..self.marked }
     }
 
     fn note(&mut self, line: u32, comment: &str) {
@@ -68,6 +86,8 @@ impl Text {
                 });
                 self.changes.push_back((line, Change::Feature(number.unwrap_or(0) as u8)));
             }
+            Some(Mark::Height(height_mm)) => self.changes.push_back((line, Change::Height(height_mm))),
+            Some(Mark::Width(width_mm)) => self.changes.push_back((line, Change::Width(width_mm))),
             Some(Mark::Time(_)) | None => {}
         }
     }

@@ -62,9 +62,14 @@ pub struct Totals {
     pub greatest_deviation: Extreme,
     /// Most retractions in one layer, and the layer, from 0.
     pub most_retractions: (u64, u32),
+    /// Time at which the part begins, after a line that primes the nozzle, s.
+    pub part_start_s: f64,
     /// Retractions in the present layer.
     #[serde(skip)]
     in_layer: (u64, u32),
+    /// Extremes since the last printing: of the way to the parking place, if nothing more is printed.
+    #[serde(skip)]
+    since_print: Aside,
     /// Fastest printing, mm/s.
     pub fastest_print: Extreme,
     /// Fastest travel, mm/s.
@@ -85,7 +90,60 @@ pub struct Totals {
     wait_s: f64,
 }
 
+/// Extremes of motion that does not print.
+#[derive(Clone, Copy, Debug, Default)]
+struct Aside {
+    longest_retraction: Extreme,
+    longest_travel: Extreme,
+    fastest_travel: Extreme,
+}
+
 impl Totals {
+    /// Leaves what was printed so far out of the extremes: it was no part, but a line that primes the nozzle.
+    pub(crate) fn begin_part(&mut self, time_s: f64) {
+        self.part_start_s = time_s;
+        for extreme in [
+            &mut self.fastest_print,
+            &mut self.greatest_flow,
+            &mut self.greatest_deviation,
+            &mut self.greatest_pressure,
+            &mut self.longest_retraction,
+            &mut self.longest_travel,
+            &mut self.fastest_travel,
+            &mut self.longest_wait,
+        ] {
+            *extreme = Extreme::default();
+        }
+        self.since_print = Aside::default();
+    }
+
+    /// Returns true if something has been printed.
+    pub(crate) fn has_printed(&self) -> bool {
+        self.kinds[Kind::Print as usize].time_s > 0.0
+    }
+
+    /// Ends the sums. A job that prints nothing has its extremes all the same.
+    pub(crate) fn finish(mut self) -> Self {
+        if !self.has_printed() {
+            self.count_aside();
+        }
+        self
+    }
+
+    /// Counts the extremes since the last printing.
+    fn count_aside(&mut self) {
+        let Aside { longest_retraction, longest_travel, fastest_travel } = std::mem::take(&mut self.since_print);
+        for (extreme, aside) in [
+            (&mut self.longest_retraction, longest_retraction),
+            (&mut self.longest_travel, longest_travel),
+            (&mut self.fastest_travel, fastest_travel),
+        ] {
+            if aside.value > extreme.value {
+                *extreme = aside;
+            }
+        }
+    }
+
     /// Counts the part between two nodes.
     pub(crate) fn note(&mut self, before: &Node, node: &Node) {
         let time_s = (node.time_s - before.time_s).max(0.0);
@@ -118,13 +176,14 @@ impl Totals {
                     self.features.resize(feature + 1, Share::default());
                 }
                 self.features[feature].add(share);
+                self.count_aside();
                 self.greatest_deviation.note(node.deviation_mm.into(), node);
                 self.fastest_print.note(node.speed_mm_per_s.into(), node);
                 self.greatest_flow.note(node.flow_mm3_per_s().into(), node);
             }
             Kind::Travel => {
-                self.fastest_travel.note(node.speed_mm_per_s.into(), node);
-                self.longest_travel.note(self.travel_mm, node);
+                self.since_print.fastest_travel.note(node.speed_mm_per_s.into(), node);
+                self.since_print.longest_travel.note(self.travel_mm, node);
             }
             // A retraction after a move that settles may have two parts.
             Kind::Retract if (before.kind, before.line) != (Kind::Retract, node.line) => {
@@ -133,7 +192,7 @@ impl Totals {
                 if self.retractions == 1 {
                     self.first_retraction.note(length_mm, node);
                 }
-                self.longest_retraction.note(length_mm, node);
+                self.since_print.longest_retraction.note(length_mm, node);
                 let in_layer = if self.in_layer.1 == node.layer { self.in_layer.0 + 1 } else { 1 };
                 self.in_layer = (in_layer, node.layer);
                 self.most_retractions = self.most_retractions.max(self.in_layer);

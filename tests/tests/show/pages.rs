@@ -154,7 +154,8 @@ fn retractions_and_slowed_moves_are_places() {
     assert_eq!(find("The first of 2 retractions: 0.80 mm").unwrap()["line"], 14, "{findings:#?}");
     assert_eq!(find("Longest retraction: 1.50 mm").unwrap()["line"], 16);
     let slowed = find("slowed, for the board cannot keep up").unwrap_or_else(|| panic!("{findings:#?}"));
-    assert_eq!(slowed["weight"], "warning");
+    // It takes a millisecond.
+    assert_eq!(slowed["weight"], "note");
     assert!((18..418).contains(&slowed["line"].as_u64().unwrap()), "{slowed}");
     let deviation = find("Farthest from the path asked for").unwrap()["text"].as_str().unwrap();
     let mm: f64 = deviation.split_whitespace().rev().nth(1).unwrap().parse().unwrap();
