@@ -9,7 +9,7 @@ function chartsOn(canvas, print) {
   const still = document.createElement('canvas');
   const context = still.getContext('2d');
   let stillOf = '';
-  const { c, n, job } = print;
+  const { c, n, job, partStart } = print;
   const end = c.time[n - 1] || 1;
   let bins = null;
 
@@ -68,10 +68,12 @@ function chartsOn(canvas, print) {
     const band = 10;
     const row = (height - band - AXIS - 6) / 3;
     const top = (k) => 3 + k * row;
+    // A line that primes the nozzle does not set the scales.
+    const ofPart = (values) => values.subarray(Math.min(values.length - 1, Math.ceil(c.time[partStart - 1] / end * bins.count)));
     const rows = [
       ['°C', Math.max(50, ...job_targets(print))],
-      ['mm/s', niceTop(maximum(bins.speed))],
-      ['mm³/s', niceTop(maximum(bins.flow))],
+      ['mm/s', niceTop(maximum(ofPart(bins.speed)))],
+      ['mm³/s', niceTop(maximum(ofPart(bins.flow)))],
     ];
     rows.forEach(([unit, most], k) => {
       context.strokeStyle = theme.line;

@@ -2,7 +2,7 @@
 
 // Dark blue over green to orange, as light as the eye sees them even: between the marks in OKLab.
 const MARKS = ['#3b2c85', '#2c63c8', '#1799b5', '#2fbf7f', '#b5d334', '#ffc933', '#ff7a2f', '#e3304a'];
-const FEATURE_COLOURS = ['#7d8794', '#f2a33a', '#e5643c', '#4f8fe8', '#3fb27f', '#b06fd8', '#e0c341', '#39b7c9', '#d85f95', '#8fb84a', '#a58262', '#6f7fe0'];
+const TOOL_COLOURS = ['#f2a33a', '#4f8fe8', '#3fb27f', '#d85f95', '#b06fd8', '#e0c341', '#39b7c9', '#a58262'];
 
 function rgb(hex) {
   return [1, 3, 5].map((start) => parseInt(hex.slice(start, start + 2), 16) / 255);
@@ -47,7 +47,7 @@ function palette(hexes, isEven) {
 }
 
 const SCALE = palette(MARKS, true);
-const FEATURES = palette(FEATURE_COLOURS, false);
+const TOOLS = palette(TOOL_COLOURS, false);
 
 function css(table, share) {
   const i = Math.round(Math.min(1, Math.max(0, share)) * 255) * 4;
@@ -76,13 +76,26 @@ const MODES = {
     of: ({ c }, i) => [100 * c.slowed[i], 100 * c.slowed[i]] },
   temperature: { name: 'Temperature of the nozzle', unit: '°C', digits: 1,
     of: (print, i) => [heatAt(print, print.c.time[i - 1]).nozzle, heatAt(print, print.c.time[i]).nozzle] },
-  feature: { name: 'Feature', names: true,
+  feature: { name: 'Feature', names: true, table: ({ featureColour }) => palette(featureColour, false),
     of: ({ c }, i) => [c.feature[i], c.feature[i]] },
+  tool: { name: 'Tool', names: true, table: () => TOOLS, entries: toolEntries,
+    of: ({ c }, i) => [c.tool[i], c.tool[i]] },
+  fan: { name: 'Fan', unit: '%', digits: 0, zero: true, top: 100,
+    of: (print, i) => [heatAt(print, print.c.time[i - 1]).fan / 2.55, heatAt(print, print.c.time[i]).fan / 2.55] },
+  height: { name: 'Height of the layer', unit: 'mm', digits: 2,
+    of: (print, i) => [beadHeight(print, i), beadHeight(print, i)] },
   layer: { name: 'Time of the layer', unit: 's', digits: 1,
     of: ({ c, layerTime }, i) => [layerTime[c.layer[i]], layerTime[c.layer[i]]] },
   width: { name: 'Width of the bead', unit: 'mm', digits: 2,
-    of: (print, i) => [print.c.bead[i] / print.height, print.c.bead[i] / print.height] },
+    of: (print, i) => [beadWidth(print, i), beadWidth(print, i)] },
 };
+
+// Names and colours of the tools that print.
+function toolEntries({ c, n, main }) {
+  const used = new Set();
+  for (let i = 1; i < n; i++) if (c.kind[i] === main) used.add(c.tool[i]);
+  return [...used].sort((a, b) => a - b).map((tool) => ({ name: `T${tool}`, colour: TOOL_COLOURS[tool % TOOL_COLOURS.length] }));
+}
 
 // Values of all parts in a mode, their range, and how long which value holds.
 function coloured(print, key) {
@@ -94,11 +107,11 @@ function coloured(print, key) {
     values[2 * i] = from;
     values[2 * i + 1] = to;
   }
-  if (mode.names) return { key, mode, values, low: 0, high: 255, table: FEATURES };
+  if (mode.names) return { key, mode, values, low: 0, high: 255, table: mode.table(print) };
   const printed = [];
   let [least, most] = [Infinity, -Infinity];
   for (let i = 1; i < n; i++) {
-    if (c.kind[i] !== KIND.print) continue;
+    if (c.kind[i] !== print.main || i < print.partStart) continue;
     for (const value of [values[2 * i], values[2 * i + 1]]) {
       least = Math.min(least, value);
       most = Math.max(most, value);

@@ -48,11 +48,55 @@ async function load() {
     if (c.kind[i] !== KIND.heating && c.kind[i] !== KIND.homing) layerTime[c.layer[i]] += c.time[i] - c.time[i - 1];
     if (c.kind[i] === KIND.print) layerZ[c.layer[i]] = c.z[i];
   }
-  const heights = [];
-  for (let l = 1; l < layers; l++) if (layerZ[l] > layerZ[l - 1]) heights.push(layerZ[l] - layerZ[l - 1]);
-  heights.sort((a, b) => a - b);
-  const height = heights.length ? Math.min(2, Math.max(0.05, heights[heights.length >> 1])) : 0.2;
-  return { ...description, c, n, layers, layerStart, layerTime, layerZ, height, source: sourceLines(lineBytes) };
+  const print = { ...description, c, n, layers, layerStart, layerTime, layerZ, source: sourceLines(lineBytes), featureColour: featureColours(description.features) };
+  // Where nothing is printed, the path itself is what there is to see.
+  print.main = c.kind.includes(KIND.print) ? KIND.print : KIND.travel;
+  Object.assign(print, heightsOf(print));
+  print.partStart = Math.max(1, lowerBound(c.time, description.totals.part_start_s));
+  print.places = placesOf(print);
+  return print;
+}
+
+// The usual height of a layer, mm, of each layer its own, and whether any is known: from one layer to the next, the first from the bed.
+function heightsOf({ c, n, layers, layerZ, main }) {
+  const isHeight = (height) => height > 0.01 && height < 2.5;
+  const rises = Array.from(layerZ, (z, l) => z - (l ? layerZ[l - 1] : 0));
+  const marked = [];
+  if (main === KIND.print) for (let i = 1; i < n; i++) if (c.kind[i] === KIND.print && c.height[i] > 0) marked.push(c.height[i]);
+  const known = (marked.length ? marked : layers > 1 ? rises.slice(1) : rises).filter(isHeight).sort((a, b) => a - b);
+  const hasHeight = main === KIND.print && known.length > 0;
+  const height = hasHeight ? known[known.length >> 1] : 0.2;
+  const layerHeight = Float32Array.from(rises, (rise) => (isHeight(rise) ? rise : height));
+  return { height, hasHeight, layerHeight };
+}
+
+// Height and width of the bead of the part that ends at a node, mm: as the slicer says, or as its layer and its filament do.
+function beadHeight({ c, layerHeight }, i) {
+  return c.height[i] || layerHeight[c.layer[i]];
+}
+
+function beadWidth(print, i) {
+  return print.c.width[i] || print.c.bead[i] / beadHeight(print, i);
+}
+
+// Time of heating before the last step, s.
+function heatingBefore({ c, n }, end) {
+  let sum = 0;
+  for (let i = 1; i < n; i++) if (c.kind[i] === KIND.heating) sum += Math.max(0, Math.min(end, c.time[i]) - c.time[i - 1]);
+  return sum;
+}
+
+// What the slicer's time says beside this one; null where the two cannot be compared.
+function slicerNote(print) {
+  const { job } = print;
+  const stop = job.findings.find((finding) => finding.weight === 'stop');
+  if (stop) return stop.line ? `the print stops at line ${stop.line}` : 'the print stops before its end';
+  const rest = job.print_time_s - heatingBefore(print, job.print_time_s);
+  if (!(rest > 0) || !(job.slicer_time_s > 0)) return null;
+  const share = 100 * (rest - job.slicer_time_s) / job.slicer_time_s;
+  const size = Math.abs(share);
+  const words = size < 0.5 ? 'the same' : `${size.toFixed(size < 10 ? 1 : 0)} % too ${share > 0 ? 'short' : 'long'}`;
+  return `${words} on ${job.profile}, without heating`;
 }
 
 // Lines of the G-code by their numbers.

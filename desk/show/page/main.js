@@ -16,7 +16,7 @@ async function main() {
   const { c, n } = print;
   const end = c.time[n - 1];
   let theme = themeNow();
-  const state = { time: end, playing: false, factor: 60, low: 0, high: print.layers - 1, mode: 'speed', hovered: null, last: 0, isSlow: false, touched: -1000, isTouched: false, moved: 0, rest: 0 };
+  const state = { time: end, playing: false, factor: 60, low: 0, high: print.layers - 1, mode: 'speed', hovered: null, last: 0, isSlow: false, hiddenFeatures: new Set(), places: new Set(), touched: -1000, isTouched: false, moved: 0, rest: 0 };
 
   const canvas = byId('space');
   const overlay = byId('overlay');
@@ -28,10 +28,16 @@ async function main() {
   let widths = new Float32Array(n);
   let box = null;
 
+  const jump = (time) => { goTo(time); flash(); };
+  const jumpToLine = (line) => jump(timeOfLine(print, line));
+  const source = sourceOn(byId('source'), print, jumpToLine);
+  byId('travels').checked = print.main === KIND.travel;
   showHeader(print);
   showShares(print, theme);
   showAbout(print, space.name);
-  showFindings(print, (time) => { stop(); keepLayersAround(time); setTime(time); flash(); });
+  showFindings(print, jump);
+  showFeatures(print, state, setWidths);
+  showPlaces(print, state, changed);
   byId('loading').remove();
 
   // Where something is printed; without it, where the nozzle has been.
@@ -46,7 +52,7 @@ async function main() {
     };
     // Not a line at the bed's edge that primes the nozzle, if there is more than one layer.
     if (print.layers > 2) {
-      for (let i = print.layerStart[1] + 1; i < n; i++) {
+      for (let i = Math.max(print.partStart, print.layerStart[1] + 1); i < n; i++) {
         if (c.kind[i] !== KIND.print) continue;
         [c.x[i], c.y[i], c.z[i]].forEach((v, k) => { low[k] = Math.min(low[k], v); high[k] = Math.max(high[k], v); });
       }
@@ -62,7 +68,7 @@ async function main() {
     const isTravel = byId('travels').checked;
     for (let i = 1; i < n; i++) {
       const kind = c.kind[i];
-      if (kind === KIND.print) widths[i] = Math.min(1.5, Math.max(0.15, c.bead[i] / print.height));
+      if (kind === KIND.print) widths[i] = state.hiddenFeatures.has(c.feature[i]) ? -1 : Math.min(3, Math.max(0.15, beadWidth(print, i)));
       else widths[i] = isTravel && (kind === KIND.travel || kind === KIND.homing) ? 0 : -1;
     }
     space.widths(widths);
@@ -74,47 +80,8 @@ async function main() {
     byId('mode').value = mode;
     colours = coloured(print, mode);
     space.colour(colours);
-    showLegend();
+    showLegend(print, colours);
     changed();
-  }
-
-  function showLegend() {
-    const { mode, table } = colours;
-    const scale = byId('scale');
-    const labels = byId('scale-labels');
-    const swatches = byId('swatches');
-    swatches.replaceChildren();
-    labels.replaceChildren();
-    scale.hidden = labels.hidden = Boolean(mode.names);
-    if (mode.names) {
-      const used = new Set();
-      for (let i = 1; i < n; i++) if (c.kind[i] === KIND.print) used.add(c.feature[i]);
-      for (const feature of [...used].sort((a, b) => a - b)) {
-        const row = make('span');
-        const dot = make('i');
-        dot.style.background = FEATURE_COLOURS[feature % FEATURE_COLOURS.length];
-        row.append(dot, document.createTextNode(print.features[feature] || 'printing'));
-        swatches.append(row);
-      }
-      return;
-    }
-    const ratio = window.devicePixelRatio || 1;
-    const [width, height] = [196, 46];
-    scale.width = width * ratio;
-    scale.height = height * ratio;
-    const context = scale.getContext('2d');
-    context.scale(ratio, ratio);
-    const most = Math.max(...colours.bins) || 1;
-    // Above the colours: how long which of them lasts.
-    for (let b = 0; b < 64; b++) {
-      context.fillStyle = css(table, (b + 0.5) / 64);
-      const bar = 32 * Math.sqrt(colours.bins[b] / most);
-      context.fillRect(b * width / 64, 34 - bar, width / 64 + 0.3, bar);
-      context.fillRect(b * width / 64, 36, width / 64 + 0.3, 10);
-    }
-    const label = (value) => make('span', value.toFixed(mode.digits));
-    labels.append(label(colours.low), make('span', mode.unit), label(colours.high));
-    swatches.append(make('span', `from ${colours.least.toFixed(mode.digits)} to ${colours.most.toFixed(mode.digits)}; height: time, as its root`, 'note'));
   }
 
   function range() {
@@ -167,7 +134,7 @@ async function main() {
     setPixels(overlay, ratio);
     const { first, last, started, now } = range();
     // A slow machine draws a coarse picture while something moves, and the whole one when it rests, some parts in each frame.
-    const moves = state.playing || state.isTouched;
+    const isMoving = state.playing || state.isTouched;
     const isQuick = state.isSlow && (state.isTouched || performance.now() - state.touched < 250);
     state.isTouched = false;
     let isComplete = false;
@@ -178,13 +145,14 @@ async function main() {
     }
     drawn.isWhole = isComplete;
     // Two whole pictures in a row that took long, while something moved.
-    if (moves && state.moved && !isQuick && at - state.moved > 45) state.isSlow = true;
-    state.moved = moves ? at : 0;
+    if (isMoving && state.moved && !isQuick && at - state.moved > 45) state.isSlow = true;
+    state.moved = isMoving ? at : 0;
     clearTimeout(state.rest);
     if (isQuick && !state.playing) state.rest = setTimeout(changed, 280);
     if (!isQuick && !isComplete) changed();
     drawOverlay(width, height, ratio, now);
-    showHere(print, state.hovered ? hoveredState() : now);
+    showHere(print, state.hovered ? hoveredState() : now, source);
+    moves.show(now);
     const chartsNow = [state.time, chart.clientWidth, chart.clientHeight, theme.text].join();
     if (chartsNow !== chartsDrawn) charts.draw(state.time, theme);
     chartsDrawn = chartsNow;
@@ -201,6 +169,8 @@ async function main() {
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.clearRect(0, 0, width, height);
     const place = projection(width, height);
+    const { first, last } = range();
+    drawPlaces(context, print, state.places, first, last, place);
     const head = place(...now.position);
     if (head && state.time < end) {
       const [x, y] = head;
@@ -254,6 +224,13 @@ async function main() {
       if (state.flash > 0) requestAnimationFrame(step);
     };
     step();
+  }
+
+  // Stops, and shows a time with its layer.
+  function goTo(time) {
+    stop();
+    keepLayersAround(time);
+    setTime(time);
   }
 
   function setTime(time) {
@@ -314,6 +291,7 @@ async function main() {
     byId('layer-high').value = String(state.high);
     const text = (layer) => `${layer + 1} · ${print.layerZ[layer].toFixed(2)} mm`;
     byId('layer-high-text').textContent = text(state.high);
+    byId('layers-name').textContent = state.low === state.high ? `Layer ${state.high + 1}` : `${state.low + 1} – ${state.high + 1}`;
     byId('layer-low-text').textContent = state.low === state.high ? '' : text(state.low);
     changed();
   }
@@ -375,6 +353,12 @@ async function main() {
   }
 
   // Controls.
+  const moves = movesOn(byId('move'), byId('move-text'), print, (time) => { stop(); touched(); setTime(time); });
+  byId('goto').max = String(print.source.count || c.line[n - 1]);
+  byId('goto').addEventListener('change', (event) => {
+    const line = Math.round(Number(event.target.value));
+    if (line >= 1) jumpToLine(line);
+  });
   for (const [key, mode] of Object.entries(MODES)) byId('mode').append(new Option(mode.name, key));
   byId('mode').addEventListener('change', (event) => setMode(event.target.value));
   byId('travels').addEventListener('change', setWidths);
@@ -401,68 +385,8 @@ async function main() {
     button.addEventListener('click', () => { look(box, button.dataset.view); changed(); });
   }
 
-  // Pointers on the view.
-  const pointers = new Map();
-  let moved = 0;
-  canvas.addEventListener('pointerdown', (event) => {
-    canvas.setPointerCapture(event.pointerId);
-    pointers.set(event.pointerId, [event.clientX, event.clientY]);
-    moved = 0;
-  });
-  canvas.addEventListener('pointermove', (event) => {
-    const before = pointers.get(event.pointerId);
-    if (!before) { if (event.pointerType === 'mouse') hover(event); return; }
-    const [dx, dy] = [event.clientX - before[0], event.clientY - before[1]];
-    moved += Math.abs(dx) + Math.abs(dy);
-    if (moved < 4) return;
-    [state.hovered, byId('tip').hidden] = [null, true];
-    const others = [...pointers].filter(([id]) => id !== event.pointerId).map(([, place]) => place);
-    pointers.set(event.pointerId, [event.clientX, event.clientY]);
-    if (others.length) {
-      const apart = (place) => Math.hypot(place[0] - others[0][0], place[1] - others[0][1]) || 1;
-      zoom(apart(before) / apart([event.clientX, event.clientY]));
-      pan(dx / 2, dy / 2, canvas.clientHeight);
-    } else if (event.shiftKey || event.buttons & 6) pan(dx, dy, canvas.clientHeight);
-    else turn(dx * 0.008, dy * 0.008);
-    touched();
-  });
-  for (const name of ['pointerup', 'pointercancel']) {
-    canvas.addEventListener(name, (event) => {
-      if (pointers.delete(event.pointerId) && moved < 4 && name === 'pointerup') {
-        hover(event);
-        if (state.hovered) { const { time } = state.hovered; stop(); setTime(time); }
-      }
-    });
-  }
-  canvas.addEventListener('pointerleave', () => { state.hovered = null; byId('tip').hidden = true; changed(); });
-  canvas.addEventListener('contextmenu', (event) => event.preventDefault());
-  canvas.addEventListener('wheel', (event) => { event.preventDefault(); zoom(Math.exp(event.deltaY * (event.deltaMode ? 0.05 : 0.0015))); touched(); }, { passive: false });
-  const chartTime = (event) => { stop(); const time = charts.timeAt(event.clientX - chart.getBoundingClientRect().left); keepLayersAround(time); setTime(time); };
-  chart.addEventListener('pointerdown', (event) => { chart.setPointerCapture(event.pointerId); chartTime(event); });
-  chart.addEventListener('pointermove', (event) => { if (chart.hasPointerCapture(event.pointerId)) chartTime(event); });
-
-  document.addEventListener('keydown', (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const inRange = event.target instanceof HTMLInputElement && event.target.type === 'range';
-    if (event.target instanceof HTMLSelectElement) return;
-    const keys = {
-      ' ': () => { if (event.target instanceof HTMLButtonElement || event.target.tagName === 'SUMMARY' || event.target.type === 'checkbox') return false; if (state.playing) stop(); else play(); },
-      ',': () => step(-1), '.': () => step(1),
-      '[': () => layerStep(-1), ']': () => layerStep(1),
-      '+': () => zoom(0.85), '=': () => zoom(0.85), '-': () => zoom(1 / 0.85),
-      '7': () => look(box, 'top'), '1': () => look(box, 'front'), '3': () => look(box, 'side'),
-      c: () => { const all = Object.keys(MODES); setMode(all[(all.indexOf(state.mode) + 1) % all.length]); },
-      t: () => byId('travels').click(), l: () => byId('single').click(),
-    };
-    if (!inRange) {
-      Object.assign(keys, { ArrowLeft: () => turn(-0.1, 0), ArrowRight: () => turn(0.1, 0), ArrowUp: () => turn(0, 0.1), ArrowDown: () => turn(0, -0.1),
-        Home: () => look(box, 'all') });
-    }
-    const act = keys[event.key] ?? keys[event.key.toLowerCase()];
-    if (!act || act() === false) return;
-    event.preventDefault();
-    touched();
-  });
+  pointersOn({ canvas, chart, tip: byId('tip'), state, charts, hover, changed, touched, goTo, stop, setTime });
+  keysOn({ state, box: () => box, step, layerStep, play, stop, setMode, touched });
   function layerStep(by) {
     if (byId('single').checked) setLayers(state.high + by, state.high + by); else setLayers(state.low, state.high + by);
   }
@@ -471,6 +395,8 @@ async function main() {
   new ResizeObserver(changed).observe(chart);
   matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => { theme = themeNow(); changed(); });
 
+  // On a phone the panels leave the part free.
+  if (matchMedia('(max-width: 820px)').matches) byId('legend').open = byId('layers').open = false;
   box = bounds();
   look(box, 'all');
   setFactor(Math.min(4, Math.max(0, Math.log10(Math.max(1, end / 45)))));

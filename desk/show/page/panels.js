@@ -12,18 +12,11 @@ function showHeader(print) {
     if (note) item.append(make('dd', note, 'note'));
     figures.append(item);
   };
-  const heating = print.totals.kinds[KIND.heating].time_s;
+  const heating = heatingBefore(print, job.print_time_s);
   figure('print time', words(job.print_time_s), heating > 0.5 ? `${words(heating)} of it heating` : '');
-  if (job.slicer_time_s) {
-    // Slicers leave the heating out.
-    const off = job.print_time_s - heating - job.slicer_time_s;
-    const share = 100 * off / job.slicer_time_s;
-    figure('the slicer says', words(job.slicer_time_s),
-      Math.abs(share) < 0.5 ? 'the same, without heating' : `${Math.abs(share).toFixed(Math.abs(share) < 10 ? 1 : 0)} % too ${off > 0 ? 'short' : 'long'}, without heating`,
-      Math.abs(share) > 10 ? 'warned' : '');
-  }
+  if (job.slicer_time_s) figure('the slicer says', words(job.slicer_time_s), slicerNote(print) ?? '');
   figure('filament', `${(job.filament_mm / 1000).toFixed(2)} m`, `${(job.filament_mm * job.filament_mm2 / 1000).toFixed(1)} cm³`);
-  figure('layers', String(print.layers), `${print.height.toFixed(2)} mm`);
+  if (print.hasHeight) figure('layers', String(print.layers), `${print.height.toFixed(2)} mm`);
   figure('moves', job.moves.toLocaleString('en'));
 }
 
@@ -49,21 +42,12 @@ function showFindings(print, jump) {
   }
 }
 
-// When a line, or the next one after it that moves, begins; null for lines without a place.
-function timeOfLine(print, line) {
-  if (!line) return null;
-  const { c, n } = print;
-  for (let i = 1; i < n; i++) if (c.line[i] >= line) return c.time[i];
-  return c.time[n - 1];
-}
-
 function showShares(print, theme) {
-  const { totals, features, job } = print;
+  const { totals, job } = print;
   const box = document.getElementById('share-list');
   const all = totals.kinds.reduce((sum, kind) => sum + kind.time_s, 0) || 1;
-  const rows = totals.features
-    .map((share, k) => ({ name: features[k] || 'printing', time: share.time_s, colour: FEATURE_COLOURS[k % FEATURE_COLOURS.length],
-      note: share.volume_mm3 > 0 ? `${(share.volume_mm3 / 1000).toFixed(2)} cm³, ${(share.path_mm / Math.max(share.time_s, 1e-9)).toFixed(0)} mm/s on average` : '' }));
+  const rows = featureRows(print).map(({ name, colour, time, filament, share }) => ({ name, colour, time,
+    note: share.volume_mm3 > 0 ? `${filament.toFixed(2)} m of filament, ${(share.path_mm / Math.max(share.time_s, 1e-9)).toFixed(0)} mm/s on average` : '' }));
   const other = [[KIND.travel, 'Travels'], [KIND.retract, 'Retractions'], [KIND.prime, 'Filament back'], [KIND.heating, 'Heating'], [KIND.homing, 'Homing'], [KIND.wait, 'Other waits']];
   for (const [kind, name] of other) {
     const share = totals.kinds[kind];
@@ -90,7 +74,7 @@ function showShares(print, theme) {
   if (motion > 0 && totals.slower_s > 0) {
     say(`Moves take ${words(totals.slower_s)} longer (${(100 * totals.slower_s / all).toFixed(1)} %) than at the speeds that their lines ask for: ramps, corners and the machine's limits. Nothing that is done to acceleration wins more than that.`);
   }
-  if (job.chances.length) {
+  if (job.chances.length && job.print_time_s > 0) {
     const table = make('table');
     table.append(make('caption', 'What could be won'));
     for (const [name, time] of job.chances) {
@@ -116,8 +100,7 @@ function showAbout(print, how) {
   say(`Drawn with ${how}. This page fetches nothing from anywhere.`);
   const keys = make('table');
   keys.append(make('caption', 'Keys'));
-  for (const [key, what] of [['Space', 'play, pause'], [', .', 'the move before, the next'], ['[ ]', 'a layer down, up'], ['arrows', 'turn'], ['+ −', 'zoom'],
-    ['Home 7 1 3', 'views'], ['C', 'next colour'], ['T', 'travels'], ['L', 'one layer'], ['drag, wheel', 'turn, zoom; with Shift or two fingers: move']]) {
+  for (const [key, what] of KEYS) {
     const row = make('tr');
     row.append(make('td', key), make('td', what));
     keys.append(row);
@@ -126,7 +109,7 @@ function showAbout(print, how) {
 }
 
 // The place where the nozzle is, in numbers, with its lines.
-function showHere(print, state) {
+function showHere(print, state, source) {
   const { c } = print;
   const { i } = state;
   const now = document.getElementById('now');
@@ -150,22 +133,5 @@ function showHere(print, state) {
     if (now.children[2 * k].textContent !== name) now.children[2 * k].textContent = name;
     if (now.children[2 * k + 1].textContent !== value) now.children[2 * k + 1].textContent = value;
   });
-  showSource(print, c.line[i]);
-}
-
-let sourceShown = -1;
-function showSource(print, line) {
-  if (line === sourceShown) return;
-  sourceShown = line;
-  const box = document.getElementById('source');
-  const lines = [];
-  for (let number = line - 3; number <= line + 5; number++) {
-    const text = print.source.line(number);
-    if (text === null) continue;
-    const row = make('span', undefined, number === line ? 'current' : '');
-    row.append(make('b', String(number)), document.createTextNode(` ${text}\n`));
-    lines.push(row);
-  }
-  box.replaceChildren(...lines);
-  box.hidden = !lines.length;
+  source.show(c.line[i]);
 }

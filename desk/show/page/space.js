@@ -102,13 +102,13 @@ const SAMPLES = 4;
 const ROW = 2048;
 
 // Parts of a coarse path: some layers, thicker, and chords instead of short parts.
-function coarsePath({ c, n, layers }, most) {
+function coarsePath({ c, n, layers, main }, most) {
   let stride = Math.max(1, Math.ceil(layers / 90));
   for (let reach = 0.8; ; reach *= 1.5) {
     const [from, to] = [[], []];
     let start = -1;
     for (let i = 1; i <= n; i++) {
-      const isPart = i < n && c.kind[i] === KIND.print && c.layer[i] % stride === 0;
+      const isPart = i < n && c.kind[i] === main && c.layer[i] % stride === 0;
       if (start >= 0) {
         const [ux, uy] = [c.x[i - 1] - c.x[start], c.y[i - 1] - c.y[start]];
         const length = Math.hypot(ux, uy);

@@ -16,12 +16,18 @@ const STYLE: &str = include_str!("../page/page.css");
 const SCRIPT: &str = concat!(
     "'use strict';\n(() => {\n",
     include_str!("../page/data.js"),
+    include_str!("../page/features.js"),
     include_str!("../page/colours.js"),
+    include_str!("../page/places.js"),
     include_str!("../page/camera.js"),
     include_str!("../page/space.js"),
     include_str!("../page/flat.js"),
     include_str!("../page/charts.js"),
+    include_str!("../page/source.js"),
+    include_str!("../page/legend.js"),
     include_str!("../page/panels.js"),
+    include_str!("../page/pointers.js"),
+    include_str!("../page/keys.js"),
     include_str!("../page/main.js"),
     "})();\n"
 );
