@@ -41,7 +41,7 @@ struct Tool {
 }
 
 /// All tools, apart from Python's packages ([`hosts`]) and Cura's definitions.
-const TOOLS: [Tool; 9] = [
+const TOOLS: [Tool; 10] = [
     Tool {
         name: "Python 3 with venv",
         needed_by: "hosts, browser",
@@ -67,6 +67,7 @@ const TOOLS: [Tool; 9] = [
         packages: &["prusa-slicer"],
     },
     Tool { name: "CuraEngine", needed_by: "slicers", sign: Sign::Program(&["CuraEngine"]), packages: &["cura-engine"] },
+    Tool { name: "Node.js", needed_by: "scripts", sign: Sign::Program(&["node"]), packages: &["nodejs"] },
     Tool { name: "bash", needed_by: "shells", sign: Sign::Program(&["bash"]), packages: &["bash"] },
     Tool { name: "groff", needed_by: "shells", sign: Sign::Program(&["groff"]), packages: &["groff"] },
     Tool { name: "mtools", needed_by: "mtools", sign: Sign::Program(&["mcopy"]), packages: &["mtools"] },

@@ -8,6 +8,7 @@
 //! | `wheel` | Python with maturin, which `cargo xtask hosts` installs, and cargo |
 //! | `browser` | Chromium, and Python's driver for it |
 //! | `slicers` | PrusaSlicer, CuraEngine, Cura's definitions |
+//! | `scripts` | Node.js |
 //! | `shells` | bash, groff |
 //! | `mtools` | mtools, dosfstools |
 
@@ -15,6 +16,7 @@ mod browser;
 mod firmware;
 mod hosts;
 mod mtools;
+mod scripts;
 mod shells;
 mod slicers;
 mod wheel;
