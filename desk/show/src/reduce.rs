@@ -14,12 +14,14 @@ use part::Part;
 const FIRST_TOLERANCE_MM: f32 = 0.015;
 /// The same for its speed and its bead, as a part of them.
 const FIRST_SHARE: f32 = 0.05;
+/// The largest: a line of which one place is left shows how fast it is.
+const LAST_SHARE: f32 = 0.8;
 /// Tolerances above this keep nothing of a path's form: parts are joined by their number.
 const LAST_TOLERANCE_MM: f32 = 2.0;
 /// Maximum number of parts that are joined at once: it bounds the time.
 const MAX_JOINED: usize = 64;
 
-/// How far a part may be from the nodes that it replaces.
+/// Largest difference of a part from the nodes that it replaces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Tolerance {
     /// Distance, mm.
@@ -38,9 +40,11 @@ impl Tolerance {
     fn larger(self) -> Self {
         match () {
             () if self == Self::NONE => Self { distance_mm: FIRST_TOLERANCE_MM, share: FIRST_SHARE, ..self },
-            () if self.distance_mm < LAST_TOLERANCE_MM => {
-                Self { distance_mm: self.distance_mm * std::f32::consts::SQRT_2, share: 2.0 * self.share, ..self }
-            }
+            () if self.distance_mm < LAST_TOLERANCE_MM => Self {
+                distance_mm: self.distance_mm * std::f32::consts::SQRT_2,
+                share: (2.0 * self.share).min(LAST_SHARE),
+                ..self
+            },
             () => Self { nodes: self.nodes.saturating_mul(2), ..self },
         }
     }
@@ -96,13 +100,10 @@ impl Nodes {
         }
     }
 
-    /// Joins parts until an eighth of the room is free, and more if the tolerance grows: it grows seldom.
+    /// Joins parts until an eighth of the room is free, with a larger tolerance if it must be.
     fn reduce(&mut self) {
         self.settle();
-        if self.parts.len() <= self.maximum / 8 * 7 {
-            return;
-        }
-        while self.parts.len() > self.maximum / 4 * 3 {
+        while self.parts.len() > self.maximum / 8 * 7 {
             self.tolerance = self.tolerance.larger();
             self.settled = 0;
             self.settle();

@@ -57,13 +57,12 @@ pub(super) fn join(start: &Node, parts: &[Part], tolerance: &Tolerance) -> Optio
         off_share = off_share.max(speed.max(bead.min(1.0)) + part.off_share);
         distance_mm = next_mm;
     }
-    // At the whole of a speed any speed will do.
-    let is_near = off_mm <= tolerance.distance_mm && (off_share <= tolerance.share || tolerance.share >= 1.0);
+    let is_near = off_mm <= tolerance.distance_mm && off_share <= tolerance.share;
     is_near.then(|| {
         let filament = parts.iter().map(|part| part.node.bead * part.path_mm).sum::<f32>();
         let bead = if path_mm > 0.0 && end.kind.moves() { filament / path_mm } else { end.bead };
         let deviation_mm = parts.iter().map(|part| part.node.deviation_mm).fold(0.0, f32::max);
-        Part { node: Node { bead, deviation_mm, ..end }, path_mm, off_mm, off_share: off_share.min(1.0), nodes }
+        Part { node: Node { bead, deviation_mm, ..end }, path_mm, off_mm, off_share, nodes }
     })
 }
 

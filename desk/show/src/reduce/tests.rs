@@ -66,6 +66,11 @@ fn every_layer_is_as_near_to_its_path() {
             let off = (middle[0].hypot(middle[1]) - RING_MM).abs();
             assert!(off < reduced.tolerance_mm + 0.002, "layer {layer}: the ring is {off} mm off");
         }
+        let fastest = |line: &[(&Node, &Node)]| line.iter().map(|(_, to)| to.speed_mm_per_s).fold(0.0, f32::max);
+        let lines: Vec<_> = printed(&reduced.nodes, layer)
+            .filter(|(_, to)| (74.0..116.0).contains(&to.position_mm[0]) && (to.position_mm[1] - 100.0).abs() < 5.0)
+            .collect();
+        assert!(lines.chunks(4).all(|chunk| fastest(chunk) > 39.0), "layer {layer} seems slow");
         counts.push(printed(&reduced.nodes, layer).count());
     }
     let (least, most) = (counts.iter().min(), counts.iter().max());
