@@ -11,6 +11,54 @@ from pages import LOOK, drawn, launched, opened, picture
 from playwright.sync_api import sync_playwright
 
 
+def controls(page):
+    """Uses each control of the legend, the G-code window and the sliders, and reads what it changes."""
+    time = "() => ferrostep.state.time"
+    line = "() => ferrostep.print.c.line[ferrostep.stateAt(ferrostep.state.time).i]"
+    found = {}
+    wanted = page.evaluate("() => ferrostep.print.c.line[ferrostep.print.n >> 1]")
+    page.focus("#space")
+    page.keyboard.press("g")
+    page.keyboard.type(str(wanted))
+    page.keyboard.press("Enter")
+    drawn(page)
+    found["goto"] = [wanted, page.evaluate(line)]
+    found["followed"] = int(page.locator("#source .current").get_attribute("data-line"))
+    page.locator(f'#source [data-line="{wanted + 3}"]').click()
+    drawn(page)
+    found["clicked"] = [wanted + 3, page.evaluate(line)]
+    before = page.evaluate(time)
+    page.focus("#move")
+    page.keyboard.press("ArrowLeft")
+    drawn(page)
+    layer = "() => ferrostep.print.c.layer[ferrostep.stateAt(ferrostep.state.time).i]"
+    found["moves"] = [page.evaluate(time) < before, page.locator("#move-text").inner_text(), page.evaluate(layer)]
+    page.evaluate("() => ferrostep.setTime(Infinity)")
+    whole = picture(page)
+    page.select_option("#mode", "feature")
+    switches = page.locator("#feature-list input")
+    found["features"] = switches.count()
+    coloured = picture(page)
+    for number in range(switches.count()):
+        switches.nth(number).uncheck()
+    found["hidden"] = [coloured != whole, picture(page) != coloured]
+    for number in range(switches.count()):
+        switches.nth(number).check()
+    page.focus("#space")
+    for key in "srpx":
+        page.keyboard.press(key)
+    found["marks"] = page.evaluate("() => ferrostep.state.places.size")
+    found["marked"] = page.locator("#place-list input").count()
+    for key in "srpx":
+        page.keyboard.press(key)
+    found["unmarked"] = page.evaluate("() => ferrostep.state.places.size === 0")
+    page.keyboard.press("f")
+    found["folded"] = page.evaluate("() => [legend.open, layers.open]")
+    page.keyboard.press("f")
+    page.select_option("#mode", "speed")
+    return found
+
+
 def main():
     browser_path, file, places = sys.argv[1], sys.argv[2], json.loads(sys.argv[3])
     seen = {"errors": [], "requests": [], "drawn": {}, "jumps": []}
@@ -76,6 +124,8 @@ def main():
         for number in range(options.count()):
             page.select_option("#mode", index=number)
             drawn(page)
+
+        seen["controls"] = controls(page)
 
         # All of the print again; the pointer on a part of it, by its own projection.
         page.evaluate("() => ferrostep.setTime(Infinity)")

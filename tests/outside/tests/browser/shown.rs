@@ -64,7 +64,20 @@ fn loads(print: Print) {
         assert!(number(&jump["line"]) >= number(&jump["wanted"]), "{jump}");
         assert!((number(&jump["time"]) - number(&jump["wanted_time"])).abs() < 1.0, "{jump}");
     }
-    assert_eq!(seen["modes"], 11);
+    assert_eq!(seen["modes"], 14);
+    let used = &seen["controls"];
+    for jump in ["goto", "clicked"] {
+        assert!(number(&used[jump][1]) >= number(&used[jump][0]), "{used:#}");
+    }
+    assert_eq!(used["followed"], used["goto"][1], "{used:#}");
+    assert_eq!(used["moves"][0], true, "{used:#}");
+    let layer = format!("layer {}: ", number(&used["moves"][2]) + 1.0);
+    assert!(used["moves"][1].as_str().unwrap().starts_with(&layer), "{used:#}");
+    assert!(number(&used["features"]) >= 1.0, "{used:#}");
+    assert_eq!(used["hidden"], json!([true, true]), "{used:#}");
+    assert_eq!(used["marks"], used["marked"], "{used:#}");
+    assert_eq!(used["unmarked"], true, "{used:#}");
+    assert_eq!(used["folded"], json!([false, false]), "{used:#}");
     assert_eq!(seen["phone_overflow"], json!([0, 0, 0]), "{seen:#}");
     assert!(seen["tip"].as_str().unwrap().contains("line "), "{seen:#}");
 }
