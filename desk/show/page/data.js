@@ -79,6 +79,17 @@ function beadWidth(print, i) {
   return print.c.width[i] || print.c.bead[i] / beadHeight(print, i);
 }
 
+// The lowest and the highest place of what there is to see from a part on, mm; null without any.
+function extentOf({ c, n, main }, first) {
+  const [low, high] = [[Infinity, Infinity, Infinity], [-Infinity, -Infinity, -Infinity]];
+  for (let i = Math.max(1, first); i < n; i++) {
+    if (c.kind[i] !== main) continue;
+    // A part begins where the one before it ended.
+    for (const j of [i - 1, i]) [c.x[j], c.y[j], c.z[j]].forEach((v, k) => { low[k] = Math.min(low[k], v); high[k] = Math.max(high[k], v); });
+  }
+  return low[0] <= high[0] ? [low, high] : null;
+}
+
 // Time of heating before the last step, s.
 function heatingBefore({ c, n }, end) {
   let sum = 0;

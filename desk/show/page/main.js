@@ -40,28 +40,13 @@ async function main() {
   showPlaces(print, state, changed);
   byId('loading').remove();
 
-  // Where something is printed; without it, where the nozzle has been.
+  // What there is to see, without a line at the bed's edge that primes the nozzle if there is more than one layer.
   function bounds() {
-    const low = [Infinity, Infinity, Infinity];
-    const high = [-Infinity, -Infinity, -Infinity];
-    const add = (kinds) => {
-      for (let i = 1; i < n; i++) {
-        if (!kinds.includes(c.kind[i])) continue;
-        [c.x[i], c.y[i], c.z[i]].forEach((v, k) => { low[k] = Math.min(low[k], v); high[k] = Math.max(high[k], v); });
-      }
-    };
-    // Not a line at the bed's edge that primes the nozzle, if there is more than one layer.
-    if (print.layers > 2) {
-      for (let i = Math.max(print.partStart, print.layerStart[1] + 1); i < n; i++) {
-        if (c.kind[i] !== KIND.print) continue;
-        [c.x[i], c.y[i], c.z[i]].forEach((v, k) => { low[k] = Math.min(low[k], v); high[k] = Math.max(high[k], v); });
-      }
-    }
-    if (low[0] > high[0]) add([KIND.print]);
-    if (low[0] > high[0]) add([KIND.travel]);
-    if (low[0] > high[0]) return [[0, 0, 0], [100, 100, 50]];
-    low[2] = Math.min(low[2], 0);
-    return [low, high];
+    const afterFirst = print.layers > 2 && print.main === KIND.print ? print.layerStart[1] + 1 : 0;
+    const found = extentOf(print, Math.max(print.partStart, afterFirst)) ?? extentOf(print, 1);
+    if (!found) return [[0, 0, 0], [100, 100, 50]];
+    found[0][2] = Math.min(found[0][2], 0);
+    return found;
   }
 
   function setWidths() {

@@ -95,6 +95,11 @@ function showAbout(print, how) {
   if (print.left_out) {
     say(`This job is too large for a page: ${print.left_out.toLocaleString('en')} of its points were left out. Every layer is drawn within ${print.tolerance_mm.toFixed(2)} mm of its path; sums, times and extremes are of all points.`);
   }
+  const extent = extentOf(print, print.partStart);
+  if (extent) {
+    const [low, high] = extent.map((ends) => ends.map((mm) => mm.toFixed(1)));
+    say(`${print.main === KIND.print ? 'The part' : 'The path'} lies within X${low[0]} to ${high[0]}, Y${low[1]} to ${high[1]}, Z${low[2]} to ${high[2]} mm.`);
+  }
   if (print.text_is_cut) say('The G-code of later lines was left out of the page.');
   if (!print.has_layers) say('The file marks no layers: they are told by the height of printed moves.');
   say(`Drawn with ${how}. This page fetches nothing from anywhere.`);
@@ -122,7 +127,7 @@ function showHere(print, state, source) {
     ['change', `${state.acceleration.toFixed(0)} mm/s²`],
     ['flow', `${state.flow.toFixed(2)} mm³/s`],
     ['pressure', `${state.pressure.toFixed(3)} mm³`],
-    ['off the path', `${state.deviation.toFixed(3)} mm` + (c.slowed[i] ? ', slowed for the board' : '')],
+    ['off path', `${state.deviation.toFixed(3)} mm` + (c.slowed[i] ? ', slowed for the board' : '')],
   ];
   for (const heater of ['nozzle', 'bed', 'chamber']) {
     const target = state[`${heater}Target`];

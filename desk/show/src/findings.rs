@@ -36,11 +36,11 @@ pub struct Remarked<'a> {
     pub count: u64,
     /// The first of them.
     pub line: Option<u32>,
-    /// How much it matters.
+    /// Its weight.
     pub weight: Weight,
 }
 
-/// How much a remark matters.
+/// Weight of a remark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Weight {
     /// Moves are drawn in to the machine's edge: the part is another one.

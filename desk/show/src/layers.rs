@@ -1,6 +1,6 @@
 //! Layers of a file that marks none.
 //!
-//! Where layers are flat, one begins where printing goes on at another height. Where the height changes while something
+//! Where layers are flat, one begins where printing continues at another height. Where the height changes while something
 //! is printed (a spiral, a print that is not planar), one begins where the nozzle prints over what it has printed in the
 //! present one.
 

@@ -140,13 +140,11 @@ fn feature(body: &str) -> Option<&str> {
 /// Returns the size of the beads: `;HEIGHT:0.2`, `;WIDTH:0.45` (PrusaSlicer and its family), `; LAYER_HEIGHT: 0.2`,
 /// `; LINE_WIDTH: 0.42` (Bambu Studio).
 fn size(body: &str) -> Option<Mark> {
-    let marks: [(&str, fn(f32) -> Mark); 4] = [
-        ("HEIGHT:", Mark::Height),
-        ("WIDTH:", Mark::Width),
-        ("LAYER_HEIGHT:", Mark::Height),
-        ("LINE_WIDTH:", Mark::Width),
-    ];
-    let (mark, rest) = marks.iter().find_map(|(start, mark)| Some((mark, body.strip_prefix(start)?)))?;
+    const HEIGHTS: [&str; 2] = ["HEIGHT:", "LAYER_HEIGHT:"];
+    const WIDTHS: [&str; 2] = ["WIDTH:", "LINE_WIDTH:"];
+    let after = |starts: [&str; 2]| starts.iter().find_map(|start| body.strip_prefix(start));
+    let (rest, mark): (&str, fn(f32) -> Mark) =
+        after(HEIGHTS).map(|rest| (rest, Mark::Height as _)).or_else(|| Some((after(WIDTHS)?, Mark::Width as _)))?;
     let millimetres: f32 = rest.trim().parse().ok()?;
     (millimetres > 0.0 && millimetres < MAX_BEAD_MM).then(|| mark(millimetres))
 }

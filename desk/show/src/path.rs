@@ -211,7 +211,7 @@ impl Path {
         self.close_own(own.into_iter(), states, keep);
         let state = states.at(line);
         let motion = self.motion(self.last, None);
-        // The printer prints nothing of its own accord.
+        // Moves that the printer adds print nothing.
         let motion = if is_known && motion.0 == Kind::Print { (Kind::Travel, 0.0) } else { motion };
         self.close(self.last, line, LineState { homes: homes || state.homes, ..state }, motion, keep);
     }

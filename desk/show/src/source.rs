@@ -32,7 +32,7 @@ pub struct Text {
     marked: Marked,
 }
 
-/// What comments say of a line.
+/// Layer, feature and bead of a line by the comments before it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Marked {
     /// Layer, from 0; `None` where the file marks none.

@@ -238,7 +238,7 @@ impl StepSimulation {
         Ok(())
     }
 
-    /// Before the move of this line the printer makes others of its own accord, which are no part of the path.
+    /// Before the move of this line the printer adds others, which are no part of the path.
     pub fn own_moves_before(&mut self, line: u32) {
         self.path.own_moves_before(line);
     }

@@ -23,7 +23,7 @@ pub trait Request {
         make_room: impl FnMut(&mut Planner<S, M>) -> bool,
     ) -> Result<Moved, MoveError>;
 
-    /// Returns the move, for a recorder to write down; `None` if it has no path of its own.
+    /// Returns the move, for a recorder to write down; `None` if it has no path.
     fn as_move(&self) -> Option<Move> {
         None
     }

@@ -1,4 +1,4 @@
-//! Checks that the page calls each motion what it is: printing, travel, retraction, wherever the printer moves of its own accord.
+//! Checks that the page calls each motion what it is: printing, travel, retraction, also where the printer adds moves.
 
 use std::process::Command;
 

@@ -11,7 +11,7 @@ pub(super) struct StepsObserver {
     error: Option<StepsError>,
     /// The line of moves whose end no line has told.
     open_line: Option<u32>,
-    /// True if moves of another line come before its end: the printer makes those of its own accord.
+    /// True if moves of another line come before its end: the printer adds those.
     is_after_own: bool,
 }
 

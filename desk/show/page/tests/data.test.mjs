@@ -2,8 +2,8 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { columns, load, plain } from './harness.mjs';
 
-const { KIND, heightsOf, beadWidth, heatingBefore, slicerNote, timeOfLine, sourceLines, stateAt, coloured } =
-  load('KIND', 'heightsOf', 'beadWidth', 'heatingBefore', 'slicerNote', 'timeOfLine', 'sourceLines', 'stateAt', 'coloured');
+const { KIND, heightsOf, beadWidth, extentOf, heatingBefore, slicerNote, timeOfLine, sourceLines, stateAt, coloured } =
+  load('KIND', 'heightsOf', 'beadWidth', 'extentOf', 'heatingBefore', 'slicerNote', 'timeOfLine', 'sourceLines', 'stateAt', 'coloured');
 
 test('a bead is as wide as its own layer says', () => {
   const rows = [{}, { kind: KIND.print, layer: 0, z: 0.3, bead: 0.135 }, { kind: KIND.print, layer: 1, z: 0.5, bead: 0.09 }, { kind: KIND.print, layer: 2, z: 0.7, bead: 0.09 },
@@ -24,6 +24,13 @@ test('a job that prints nothing has no height of a layer', () => {
 test('heat after the last step is no part of the print time', () => {
   const rows = [{ time: 0 }, { time: 60, kind: KIND.heating }, { time: 100, kind: KIND.print }, { time: 500, kind: KIND.heating }];
   assert.equal(heatingBefore({ c: columns(rows), n: 4 }, 100), 60);
+});
+
+test('the extent is that of the part', () => {
+  const rows = [{}, { kind: KIND.print, x: 1 }, { x: 40, y: 30 }, { kind: KIND.print, x: 50, y: 30, z: 0.2 }, { x: 200 }];
+  const print = { c: columns(rows), n: 5, main: KIND.print };
+  assert.deepEqual(plain(extentOf(print, 3)), [[40, 30, 0], [50, 30, 0.2]]);
+  assert.equal(extentOf({ ...print, c: columns([{}]), n: 1 }, 1), null);
 });
 
 test('times are compared only where they can be', () => {

@@ -68,7 +68,7 @@ pub struct PathSource {
     filament_mm2: f64,
     /// End of the last known part of the path, s.
     end_s: f64,
-    /// Lines before whose moves the printer makes others of its own accord.
+    /// Lines before whose moves the printer adds others.
     after_own: VecDeque<u32>,
 }
 
@@ -122,7 +122,7 @@ impl PathSource {
         self
     }
 
-    /// Before the move of this line the printer makes others of its own accord: to a parking place, to another tool.
+    /// Before the move of this line the printer adds others: to a parking place, to another tool.
     pub(super) fn own_moves_before(&mut self, line: u32) {
         if let From::Job { .. } = self.from {
             self.after_own.push_back(line);
