@@ -16,6 +16,8 @@ const FIRST_TOLERANCE_MM: f32 = 0.015;
 const FIRST_SHARE: f32 = 0.05;
 /// The largest: a line of which one place is left shows how fast it is.
 const LAST_SHARE: f32 = 0.8;
+/// Growth of the distance from one tolerance to the next: the shares double.
+const GROWTH: f32 = 1.26;
 /// Tolerances above this keep nothing of a path's form: parts are joined by their number.
 const LAST_TOLERANCE_MM: f32 = 2.0;
 /// Maximum number of parts that are joined at once: it bounds the time.
@@ -40,11 +42,9 @@ impl Tolerance {
     fn larger(self) -> Self {
         match () {
             () if self == Self::NONE => Self { distance_mm: FIRST_TOLERANCE_MM, share: FIRST_SHARE, ..self },
-            () if self.distance_mm < LAST_TOLERANCE_MM => Self {
-                distance_mm: self.distance_mm * std::f32::consts::SQRT_2,
-                share: (2.0 * self.share).min(LAST_SHARE),
-                ..self
-            },
+            () if self.distance_mm < LAST_TOLERANCE_MM => {
+                Self { distance_mm: self.distance_mm * GROWTH, share: (2.0 * self.share).min(LAST_SHARE), ..self }
+            }
             () => Self { nodes: self.nodes.saturating_mul(2), ..self },
         }
     }
@@ -100,10 +100,10 @@ impl Nodes {
         }
     }
 
-    /// Joins parts until an eighth of the room is free, with a larger tolerance if it must be.
+    /// Joins parts until a sixteenth of the room is free, with a larger tolerance if it must be.
     fn reduce(&mut self) {
         self.settle();
-        while self.parts.len() > self.maximum / 8 * 7 {
+        while self.parts.len() > self.maximum / 16 * 15 {
             self.tolerance = self.tolerance.larger();
             self.settled = 0;
             self.settle();
