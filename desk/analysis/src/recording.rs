@@ -116,7 +116,8 @@ impl<R: Replies, P: Ports> Onlooker<P> for Lines<'_, R> {
 }
 
 impl<R: Replies> Lines<'_, R> {
-    /// Tells the record of the surface that Z follows, if the line has changed it; the motors are at rest then.
+    /// Tells the record of the surface that Z follows, if the line has changed it; the motors
+    /// are at rest then.
     fn follow_bed(&mut self, nozzle_10nm: [i64; 3]) {
         let mut machine = self.session.desk().state().borrow_mut();
         let follows = machine.follows_bed();
@@ -183,7 +184,8 @@ fn machine(profile: &Profile, max_nodes: usize) -> Machine {
     }
 }
 
-/// Prints a job on the virtual board and records it; `look` is called from time to time. A job that stops is recorded up to there.
+/// Prints a job on the virtual board and records it; `look` is called from time to time. A job that
+/// stops is recorded up to there.
 ///
 /// # Errors
 /// The nozzle's numbers are out of range.
@@ -276,7 +278,8 @@ fn note_time<R: Replies>(session: &PrintSession<ShowObserver, R>, heats: Option<
     });
 }
 
-/// Estimates a file with other limits: words for them, and the print's time, s. None where it stops or cannot be read.
+/// Estimates a file with other limits: words for them, and the print's time, s. None where it stops
+/// or cannot be read.
 pub fn chances(profile: Profile, file: &Path) -> Vec<(String, f64)> {
     let factors = |acceleration, corners| LimitFactors { acceleration, corners };
     let questions = [
@@ -304,8 +307,8 @@ fn estimate(profile: Profile, file: &Path, factors: LimitFactors) -> Option<f64>
 }
 
 impl Shown {
-    /// Returns the page's facts besides the motion. `file`: the job's name; `slicer_time_s`: the slicer's estimate,
-    /// used if the job's text has none.
+    /// Returns the page's facts besides the motion. `file`: the job's name; `slicer_time_s`: the
+    /// slicer's estimate, used if the job's text has none.
     pub fn job(&self, file: &Path, profile: &Profile, slicer_time_s: Option<f64>, chances: Vec<(String, f64)>) -> Job {
         Job {
             file: file.file_name().map_or_else(|| input::name(file), |file| printable::name(Path::new(file))),

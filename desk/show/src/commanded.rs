@@ -17,16 +17,16 @@ pub struct PlannedMove {
     pub slowed_moves: u64,
 }
 
-/// Path around the nozzle's expected place that is searched for its nearest point, mm; the second is used if the
-/// first finds no near point.
+/// Path around the nozzle's expected place that is searched for its nearest point, mm; the second
+/// is used if the first finds no near point.
 const REACH_MM: f64 = 0.5;
 const FAR_REACH_MM: f64 = 10.0;
-/// Distance that the nozzle may go back on the path, mm, for the rounding of steps: a wipe goes back over the line
-/// before. Distance from the path up to which a place counts as near, mm.
+/// Distance that the nozzle may go back on the path, mm, for the rounding of steps: a wipe goes
+/// back over the line before. Distance from the path up to which a place counts as near, mm.
 const BACK_MM: f64 = 0.03;
 const NEAR_MM: f64 = 0.3;
-/// Weight of a place's distance along the path from the expected place, added to its distance from the nozzle: on a
-/// path that goes back over itself two places are equally near.
+/// Weight of a place's distance along the path from the expected place, added to its distance from
+/// the nozzle: on a path that goes back over itself two places are equally near.
 const PER_WAY: f64 = 0.1;
 /// Lines of the last moves that are kept, more than a block has.
 const MAX_TAKEN: usize = 256;
@@ -73,7 +73,8 @@ impl Commanded {
         self.before_mm + self.along_mm
     }
 
-    /// Distance of the nozzle from the path, mm, after it has moved by `step_mm`; 0 where no path is known.
+    /// Distance of the nozzle from the path, mm, after it has moved by `step_mm`; 0 where
+    /// no path is known.
     pub fn deviation_mm(&mut self, place_mm: [f64; 3], step_mm: f64) -> f64 {
         let Some(near) = self.nearest(place_mm, step_mm, [BACK_MM, REACH_MM]) else { return 0.0 };
         let wide = if near.off_mm > NEAR_MM { self.nearest(place_mm, step_mm, [FAR_REACH_MM; 2]) } else { None };
@@ -136,8 +137,8 @@ pub(crate) struct SlowedLines {
 }
 
 impl SlowedLines {
-    /// A move has been taken. The planner does not say which moves it has slowed: they are the last ones before this one, or with
-    /// this one if it is too long to share a block.
+    /// A move has been taken. The planner does not say which moves it has slowed: they are the last
+    /// ones before this one, or with this one if it is too long to share a block.
     pub fn take(&mut self, taken: &PlannedMove, length_mm: f64) {
         let slowed = taken.slowed_moves.saturating_sub(self.slowed_moves);
         self.slowed_moves = taken.slowed_moves;
@@ -179,7 +180,8 @@ fn distance_mm(a: [f64; 3], b: [f64; 3]) -> f64 {
     dot(off, off).sqrt()
 }
 
-/// The place of a straight part that is nearest, between bounds of its length; how far along it lies, and how far it is off.
+/// The place of a straight part that is nearest, between bounds of its length; how far along it
+/// lies, and how far it is off.
 fn nearest_in_part(place: [f64; 3], from: [f64; 3], to: [f64; 3], length_mm: f64, bounds_mm: [f64; 2]) -> (f64, f64) {
     let (part, point) = (minus(to, from), minus(place, from));
     let [low_mm, high_mm] = bounds_mm;

@@ -1,4 +1,5 @@
-//! The findings of a print, in words: why it stopped, what its lines were warned of, and where it is fastest, longest or most.
+//! The findings of a print, in words: why it stopped, what its lines were warned of, and where it
+//! is fastest, longest or most.
 
 use serde::Serialize;
 
@@ -147,7 +148,8 @@ fn first_retraction(totals: &Totals) -> Option<Finding> {
     })
 }
 
-/// Finds the places where the print is fastest, longest or most; leaves out what the print does not have.
+/// Finds the places where the print is fastest, longest or most; leaves out what the
+/// print does not have.
 fn extremes(totals: &Totals) -> impl Iterator<Item = Finding> {
     let extreme = |extreme: &Extreme, text: String| (extreme.value > 0.0).then(|| place("extreme", extreme, text));
     let Totals { greatest_flow, fastest_print, longest_travel, longest_retraction, .. } = totals;

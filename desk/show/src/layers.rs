@@ -1,8 +1,8 @@
 //! Layers of a file that marks none.
 //!
-//! Where layers are flat, one begins where printing continues at another height. Where the height changes while something
-//! is printed (a spiral, a print that is not planar), one begins where the nozzle prints over what it has printed in the
-//! present one.
+//! Where layers are flat, one begins where printing continues at another height. Where the height
+//! changes while something is printed (a spiral, a print that is not planar), one begins where the
+//! nozzle prints over what it has printed in the present one.
 
 use std::collections::HashMap;
 
@@ -12,7 +12,8 @@ use crate::node::{Kind, Node};
 const LAYER_MM: f32 = 0.04;
 /// Side of the squares of the bed in which printing is remembered, mm.
 const SQUARE_MM: f32 = 1.0;
-/// Path over squares of the present layer after which another one has begun, mm: the ends of a turn overlap.
+/// Path over squares of the present layer after which another one has begun, mm: the ends
+/// of a turn overlap.
 const OVERLAP_MM: f32 = 3.0;
 /// Squares that are remembered at most: 1 m^2, printed all over.
 const MAX_SQUARES: usize = 1 << 20;
@@ -57,7 +58,8 @@ impl Layers {
         if self.is_sloped {
             self.look_down(before, node);
         } else if changes {
-            // The lowest printing is a part's first layer; a line that primes the nozzle may be higher.
+            // The lowest printing is a part's first layer; a line that primes the
+            // nozzle may be higher.
             self.begins_part = self.layer == 0 && z_mm < began_mm;
             self.layer += u32::from(!self.begins_part);
             self.began_mm = Some(z_mm);

@@ -1,9 +1,10 @@
-//! One self-contained page that shows a print as it is executed: the path in space, coloured by what the steps do.
+//! One self-contained page that shows a print as it is executed: the path in space, coloured by
+//! what the steps do.
 //!
-//! [`Recorder`] takes the steps as they are made, the ends of moves, waits and temperatures, and keeps [`Node`]s of
-//! the path: few where the motion is even, more where it changes. [`SourceText`] reads what slicers say in comments.
-//! [`write_page`] puts the page together: data in columns, deflated, and the page's own programs (`desk/show/page/`),
-//! which fetch nothing.
+//! [`Recorder`] takes the steps as they are made, the ends of moves, waits and temperatures, and
+//! keeps [`Node`]s of the path: few where the motion is even, more where it changes. [`SourceText`]
+//! reads what slicers say in comments. [`write_page`] puts the page together: data in columns,
+//! deflated, and the page's own programs (`desk/show/page/`), which fetch nothing.
 
 mod columns;
 mod commanded;

@@ -1,8 +1,10 @@
-//! State of the file at a line when its motion is executed, which is later than when the line is read.
+//! State of the file at a line when its motion is executed, which is later than when
+//! the line is read.
 
 use std::collections::VecDeque;
 
-/// Maximum number of changes that wait for their motion: a file of nothing but changes must not fill the memory.
+/// Maximum number of changes that wait for their motion: a file of nothing but changes must not
+/// fill the memory.
 const MAX_WAITING: usize = 1 << 20;
 
 /// The state of the file at a line.

@@ -1,6 +1,8 @@
-//! Marks that slicers leave in comments: the beginning of a layer, the feature that is printed, the time that they expect.
+//! Marks that slicers leave in comments: the beginning of a layer, the feature that is printed, the
+//! time that they expect.
 //!
-//! The only place that knows them: counts of layers, waveforms of a layer and pages agree because they all ask here.
+//! The only place that knows them: counts of layers, waveforms of a layer and pages agree because
+//! they all ask here.
 
 use crate::times::{TimeOf, slicer_times};
 
@@ -36,7 +38,8 @@ enum LayerForm {
     Kiss,
 }
 
-/// The slicer's times, the one that is compared first: without what comes before the print, where a slicer says both.
+/// The slicer's times, the one that is compared first: without what comes before the print, where a
+/// slicer says both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd)]
 enum Compared {
     Everything,
@@ -126,9 +129,10 @@ fn layer(body: &str) -> Option<(LayerForm, Option<String>)> {
     Some((form, None))
 }
 
-/// Returns the feature's name: `;TYPE:Perimeter` (PrusaSlicer, Cura, Orca, ideaMaker), `; FEATURE: Outer wall` (Bambu
-/// Studio), `; feature outer perimeter` (Simplify3D 4), `; outer perimeter` (Simplify3D 3),
-/// `; 'Perimeter Path', 0.6 [feed mm/s]` (KISSlicer), `;shell` (FlashPrint).
+/// Returns the feature's name: `;TYPE:Perimeter` (PrusaSlicer, Cura, Orca, ideaMaker),
+/// `; FEATURE: Outer wall` (Bambu Studio), `; feature outer perimeter` (Simplify3D 4),
+/// `; outer perimeter` (Simplify3D 3), `; 'Perimeter Path', 0.6 [feed mm/s]` (KISSlicer),
+/// `;shell` (FlashPrint).
 fn feature(body: &str) -> Option<&str> {
     let marked = ["TYPE:", "FEATURE:", "feature "].iter().find_map(|start| body.strip_prefix(start));
     let quoted = || Some(body.strip_prefix('\'')?.split_once('\'')?.0.trim_end_matches("Path"));
@@ -137,8 +141,8 @@ fn feature(body: &str) -> Option<&str> {
     (!name.is_empty()).then_some(name)
 }
 
-/// Returns the size of the beads: `;HEIGHT:0.2`, `;WIDTH:0.45` (PrusaSlicer and its family), `; LAYER_HEIGHT: 0.2`,
-/// `; LINE_WIDTH: 0.42` (Bambu Studio).
+/// Returns the size of the beads: `;HEIGHT:0.2`, `;WIDTH:0.45` (PrusaSlicer and its family),
+/// `; LAYER_HEIGHT: 0.2`, `; LINE_WIDTH: 0.42` (Bambu Studio).
 fn size(body: &str) -> Option<Mark> {
     const HEIGHTS: [&str; 2] = ["HEIGHT:", "LAYER_HEIGHT:"];
     const WIDTHS: [&str; 2] = ["WIDTH:", "LINE_WIDTH:"];

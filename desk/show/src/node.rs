@@ -44,16 +44,18 @@ pub struct Node {
     pub position_mm: [f32; 3],
     /// The nozzle's speed then.
     pub speed_mm_per_s: f32,
-    /// Filament for each mm of path, mm^2, for a part that prints, or that travels while it draws filament back; for
-    /// filament alone its length, mm.
+    /// Filament for each mm of path, mm^2, for a part that prints, or that travels while it draws
+    /// filament back; for filament alone its length, mm.
     pub bead: f32,
     /// Height and width of the bead by the slicer's comments, mm; 0 where they are unknown.
     pub height_mm: f32,
     /// See `height_mm`.
     pub width_mm: f32,
-    /// The volume that is compressed in the nozzle then, mm^3; negative: the gap after a retraction.
+    /// The volume that is compressed in the nozzle then, mm^3; negative: the gap
+    /// after a retraction.
     pub pressure_mm3: f32,
-    /// Distance from the path that the lines ask for, mm: what input shaping and corners take off. 0 if that path is unknown.
+    /// Distance from the path that the lines ask for, mm: what input shaping and corners take off.
+    /// 0 if that path is unknown.
     pub deviation_mm: f32,
     /// True if the part's move was slowed because the board could not keep up with it.
     pub is_slowed: bool,

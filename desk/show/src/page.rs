@@ -154,7 +154,8 @@ fn columns(recording: &Recording) -> Columns {
     columns
 }
 
-/// Returns the page's content security policy: it loads and runs only its own parts, and these styles.
+/// Returns the page's content security policy: it loads and runs only its own parts,
+/// and these styles.
 pub(crate) fn policy(styles: &[&str]) -> String {
     let hash = |part: &str| base64(&Sha256::digest(part));
     let styles: String = styles.iter().map(|style| format!(" 'sha256-{}'", hash(style))).collect();

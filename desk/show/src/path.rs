@@ -1,4 +1,5 @@
-//! Turns samples into nodes: a node at each end of a move, and between them where direction or speed change.
+//! Turns samples into nodes: a node at each end of a move, and between them where direction
+//! or speed change.
 
 use crate::commanded::{Commanded, PlannedMove, SlowedLines};
 use crate::lines::{LineState, LineStates};
@@ -7,7 +8,8 @@ use crate::pieces::{Piece, Pieces};
 
 /// Largest distance of a sample from the straight line between two nodes, mm.
 const STRAIGHT_MM: f64 = 0.012;
-/// Largest difference of a sample's speed from the even change between two nodes, mm/s, or this part of it.
+/// Largest difference of a sample's speed from the even change between two nodes, mm/s, or
+/// this part of it.
 const EVEN_MM_PER_S: f64 = 1.5;
 const EVEN_PART: f64 = 0.02;
 /// The same for the volume that is compressed in the nozzle, mm^3: it changes by itself.
@@ -48,7 +50,8 @@ struct Passed {
     deviation_mm: f64,
 }
 
-/// The bounds of a line's slope within which all samples since its start are near it (a swinging door).
+/// The bounds of a line's slope within which all samples since its start are near it
+/// (a swinging door).
 #[derive(Clone, Copy, Debug)]
 struct Door {
     lower: f64,
@@ -58,7 +61,8 @@ struct Door {
 impl Door {
     const OPEN: Self = Self { lower: f64::NEG_INFINITY, upper: f64::INFINITY };
 
-    /// Narrows the bounds by a sample this far along, and says whether the slope to it lies within those before.
+    /// Narrows the bounds by a sample this far along, and says whether the slope to it lies
+    /// within those before.
     fn admits(&mut self, along: f64, rise: f64, tolerance: f64) -> bool {
         let slope = rise / along;
         let fits = self.lower <= slope && slope <= self.upper;
@@ -149,7 +153,8 @@ impl Path {
         self.pieces.pass(self.commanded.along_mm(), filament_mm, self.filament_step_mm, self.last);
     }
 
-    /// Keeps a node at the sample before the last one if the last one does not lie on the line from the last node through it.
+    /// Keeps a node at the sample before the last one if the last one does not lie on the line from
+    /// the last node through it.
     fn keep_if_bent(&mut self) {
         let candidate = self.last;
         if candidate.along_mm <= self.anchor.along_mm {
@@ -199,7 +204,8 @@ impl Path {
         self.close(self.last, line, states.at(line), motion, keep);
     }
 
-    /// The motion so far has come to its end without the end of a line's move (homing, waits in between).
+    /// The motion so far has come to its end without the end of a line's move (homing,
+    /// waits in between).
     pub fn settle(&mut self, line: u32, homes: bool, states: &mut LineStates, keep: &mut impl FnMut(Node)) {
         let mut own = self.pieces.end_own();
         if let Some(last) = own.last_mut() {
@@ -234,15 +240,18 @@ impl Path {
         }
     }
 
-    /// The kind of the motion from the end of the last move up to a place, and its [`Node::bead`], by the planned filament.
+    /// The kind of the motion from the end of the last move up to a place, and its [`Node::bead`],
+    /// by the planned filament.
     fn motion(&self, end: Passed, filament_mm: Option<f64>) -> (Kind, f64) {
         let pushed_mm = end.place.filament_mm - self.start.place.filament_mm;
         let path_mm = end.along_mm - self.start.along_mm;
-        // The extruder's steps say what is pushed where moves are unknown, and one of them may belong to a neighbour.
+        // The extruder's steps say what is pushed where moves are unknown, and one of them may
+        // belong to a neighbour.
         let is_bead = pushed_mm.abs() * self.filament_mm2 > THINNEST_MM2 * path_mm;
         let filament_mm = filament_mm.unwrap_or(if is_bead { pushed_mm } else { 0.0 });
         let volume_mm3 = filament_mm * self.filament_mm2;
-        // A bead is never thicker than the nozzle is wide by much: a short path with much filament is a motor that settles.
+        // A bead is never thicker than the nozzle is wide by much: a short path with much filament
+        // is a motor that settles.
         let alone = path_mm < REST_MM && volume_mm3.abs() > 1.5 * path_mm;
         match () {
             () if alone && filament_mm < 0.0 => (Kind::Retract, filament_mm),

@@ -1,7 +1,9 @@
-//! Moves that have been planned and whose execution has not ended: those of lines, and those that the printer makes itself.
+//! Moves that have been planned and whose execution has not ended: those of lines, and those that
+//! the printer makes itself.
 //!
-//! A line tells when its move ends. A retraction by G10, a lift, a way to a parking place or to another tool has no such
-//! end: it has passed when the nozzle is at the end of its path, or the filament at the end of its.
+//! A line tells when its move ends. A retraction by G10, a lift, a way to a parking place or to
+//! another tool has no such end: it has passed when the nozzle is at the end of its path, or the
+//! filament at the end of its.
 
 use std::collections::VecDeque;
 
@@ -59,7 +61,8 @@ impl<P: Copy> Pieces<P> {
         *self = Self::default();
     }
 
-    /// The nozzle is at a place: so far along all of its path, and with so much filament pushed since the last move ended.
+    /// The nozzle is at a place: so far along all of its path, and with so much filament pushed
+    /// since the last move ended.
     pub fn pass(&mut self, along_mm: f64, filament_mm: f64, step_mm: f64, place: P) {
         let mut pushed_mm = 0.0;
         for piece in &mut self.waiting {

@@ -61,7 +61,8 @@ pub struct Recording {
     pub nodes: Vec<Node>,
     /// Nodes that were left out because there were too many.
     pub left_out: u64,
-    /// Largest distance of the path from the nodes that were left out, mm: the same in every layer; 0 if none were.
+    /// Largest distance of the path from the nodes that were left out, mm: the same in every
+    /// layer; 0 if none were.
     pub tolerance_mm: f32,
     /// Sums over all nodes, also those left out.
     pub totals: Totals,
@@ -151,7 +152,8 @@ impl Recorder {
         }
     }
 
-    /// A move has been planned after the others; if it ends its line's move, [`Self::move_ended`] follows.
+    /// A move has been planned after the others; if it ends its line's move,
+    /// [`Self::move_ended`] follows.
     pub fn planned(&mut self, taken: &PlannedMove) {
         self.path.planned(taken);
     }
@@ -191,8 +193,8 @@ impl Recorder {
         self.nodes.keep(node);
     }
 
-    /// The motion clock has reached a tick, and time has passed while it stopped there: `idle_s` in all since the
-    /// beginning. `heats`: for a heater.
+    /// The motion clock has reached a tick, and time has passed while it stopped there: `idle_s` in
+    /// all since the beginning. `heats`: for a heater.
     pub fn waited(&mut self, tick: u64, idle_s: f64, heats: bool) {
         if idle_s <= self.idle_s + SHORTEST_WAIT_S {
             return;

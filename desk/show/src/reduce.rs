@@ -1,7 +1,9 @@
-//! Fewer nodes of a path, for jobs that are too large for a page: every layer within the same tolerance.
+//! Fewer nodes of a path, for jobs that are too large for a page: every layer within
+//! the same tolerance.
 //!
-//! One tolerance holds for the whole print and grows until all of it fits. A part that replaces others keeps how far it
-//! is from the nodes that it replaces, so that errors never add up beyond the tolerance, however often parts are joined.
+//! One tolerance holds for the whole print and grows until all of it fits. A part that replaces
+//! others keeps how far it is from the nodes that it replaces, so that errors never add up beyond
+//! the tolerance, however often parts are joined.
 
 mod part;
 #[cfg(test)]
@@ -38,7 +40,8 @@ impl Tolerance {
     /// Every node stays.
     const NONE: Self = Self { distance_mm: 0.0, share: 0.0, nodes: 1 };
 
-    /// The next larger one. Speeds give way faster than the path: a path that is off is a wrong part.
+    /// The next larger one. Speeds give way faster than the path: a path that is off
+    /// is a wrong part.
     fn larger(self) -> Self {
         match () {
             () if self == Self::NONE => Self { distance_mm: FIRST_TOLERANCE_MM, share: FIRST_SHARE, ..self },
@@ -126,8 +129,8 @@ impl Nodes {
         self.settled = written;
     }
 
-    /// The part that replaces as many parts from `read` on as the tolerance allows, and their number. `written`: the
-    /// parts that are in place, after the last of which it begins.
+    /// The part that replaces as many parts from `read` on as the tolerance allows, and their
+    /// number. `written`: the parts that are in place, after the last of which it begins.
     fn joined(&self, written: usize, read: usize) -> (Part, usize) {
         let alone = self.parts[read];
         let Some(start) = written.checked_sub(1).map(|before| self.parts[before].node) else { return (alone, 1) };

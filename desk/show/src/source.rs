@@ -1,4 +1,5 @@
-//! The text of a job as it is read: what slicers say in comments, and the lines themselves for the page.
+//! The text of a job as it is read: what slicers say in comments, and the lines
+//! themselves for the page.
 
 use std::cell::RefCell;
 use std::io::{self, Read};
@@ -8,8 +9,8 @@ use crate::comment_reader::CommentReader;
 use crate::marks::{Mark, Marks};
 use crate::totals::MAX_FEATURES;
 
-/// Maximum number of comments that wait for a command after them: a file of nothing but comments must not fill the
-/// memory.
+/// Maximum number of comments that wait for a command after them: a file of nothing but comments
+/// must not fill the memory.
 const MAX_WAITING: usize = 1 << 20;
 /// Longest line that is kept for the page whole.
 const LINE_BYTES: usize = 200;
@@ -21,11 +22,13 @@ pub struct Text {
     pub kept: Vec<u8>,
     /// True if later lines were not kept.
     pub is_cut: bool,
-    /// Names of features, in the order of their first lines; the first is empty, for lines without a feature.
+    /// Names of features, in the order of their first lines; the first is empty, for lines
+    /// without a feature.
     pub features: Vec<String>,
     /// True if the file marks its layers.
     pub has_layers: bool,
-    /// Comments that have been read and whose lines have not been reached: (line, what holds from then on).
+    /// Comments that have been read and whose lines have not been reached: (line, what
+    /// holds from then on).
     changes: std::collections::VecDeque<(u32, Change)>,
     marks: Marks,
     layer: u32,

@@ -1,4 +1,5 @@
-//! Speeds of samples: over as long a time as the speed changes evenly, for steps make the speed over a short time coarse.
+//! Speeds of samples: over as long a time as the speed changes evenly, for steps make the speed
+//! over a short time coarse.
 
 use std::collections::VecDeque;
 
@@ -6,11 +7,11 @@ use crate::path::Place;
 
 /// Most samples to either side over which a speed is measured.
 const MAX_REACH: usize = 64;
-/// Part of a motor's step by which the path between two samples may be wrong: a motor of which a curve asks for few
-/// steps makes them early or late.
+/// Part of a motor's step by which the path between two samples may be wrong: a motor of which a
+/// curve asks for few steps makes them early or late.
 const WRONG_STEPS: f64 = 0.5;
-/// Samples on one side lie on a straight line if they are no farther from it than this part of a step. Along a line
-/// every motor steps evenly.
+/// Samples on one side lie on a straight line if they are no farther from it than this part of a
+/// step. Along a line every motor steps evenly.
 const STRAIGHT_STEPS: f64 = 0.05;
 /// Shortest line that tells a line from a curve, mm.
 const LINE_MM: f64 = 1.0;
@@ -61,7 +62,8 @@ impl Speeds {
         self.samples.push_back(Along { sample, along_mm });
     }
 
-    /// The next sample, and its speed, mm/s; with `is_at_rest` also those without enough samples after them.
+    /// The next sample, and its speed, mm/s; with `is_at_rest` also those without enough
+    /// samples after them.
     pub fn pop(&mut self, is_at_rest: bool) -> Option<(Ending, f64)> {
         let after = self.samples.len().checked_sub(self.next + 1)?;
         if after < MAX_REACH && !is_at_rest {
@@ -77,7 +79,8 @@ impl Speeds {
         Some((sample, speed_mm_per_s))
     }
 
-    /// The speed over the longest time around a sample that agrees with all shorter ones, as far as steps allow to tell.
+    /// The speed over the longest time around a sample that agrees with all shorter ones, as far as
+    /// steps allow to tell.
     fn speed_mm_per_s(&self, at: usize) -> f64 {
         let max_reach = if self.is_straight(at) { 1 } else { MAX_REACH };
         let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
@@ -120,7 +123,8 @@ impl Speeds {
     }
 }
 
-/// Distance of a place from the line through two others, mm; from the first of them if they are the same.
+/// Distance of a place from the line through two others, mm; from the first of them if
+/// they are the same.
 fn distance_mm(place: [f64; 3], start: [f64; 3], end: [f64; 3]) -> f64 {
     let [along, off] = [end, place].map(|other| -> [f64; 3] { std::array::from_fn(|axis| other[axis] - start[axis]) });
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -167,7 +171,8 @@ mod tests {
         }
     }
 
-    /// Along a straight line speeds are those from sample to sample: nothing is rounded off at the end of a ramp.
+    /// Along a straight line speeds are those from sample to sample: nothing is rounded off at
+    /// the end of a ramp.
     #[test]
     fn the_end_of_a_ramp_is_sharp_on_a_line() {
         let mut speeds = Speeds::new(0.0125, Place::default());

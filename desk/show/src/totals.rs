@@ -44,9 +44,11 @@ pub struct Totals {
     pub kinds: [Share; 7],
     /// Printing, by the number of the feature.
     pub features: Vec<Share>,
-    /// Time of parts of moves that change their speed by more than a tenth of the asked one within them, s.
+    /// Time of parts of moves that change their speed by more than a tenth of the asked
+    /// one within them, s.
     pub changing_s: f64,
-    /// Time that moves take longer than at the speed that their lines ask for, s: while speeds change, at corners, and by limits.
+    /// Time that moves take longer than at the speed that their lines ask for, s: while speeds
+    /// change, at corners, and by limits.
     pub slower_s: f64,
     /// Number of retractions.
     pub retractions: u64,
@@ -67,7 +69,8 @@ pub struct Totals {
     /// Retractions in the present layer.
     #[serde(skip)]
     in_layer: (u64, u32),
-    /// Extremes since the last printing: of the way to the parking place, if nothing more is printed.
+    /// Extremes since the last printing: of the way to the parking place, if nothing
+    /// more is printed.
     #[serde(skip)]
     since_print: Aside,
     /// Fastest printing, mm/s.
@@ -99,7 +102,8 @@ struct Aside {
 }
 
 impl Totals {
-    /// Leaves what was printed so far out of the extremes: it was no part, but a line that primes the nozzle.
+    /// Leaves what was printed so far out of the extremes: it was no part, but a line that
+    /// primes the nozzle.
     pub(crate) fn begin_part(&mut self, time_s: f64) {
         self.part_start_s = time_s;
         for extreme in [

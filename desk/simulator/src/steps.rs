@@ -1,8 +1,9 @@
 //! Step events, as a trace has them, through frame and nozzle.
 //!
-//! The frame feels whole steps: the motors rest between two events. Measures of the motors themselves (acceleration,
-//! the extruder's flow) take each step as the crossing of the middle between two positions and go straight from one
-//! crossing to the next, as a rotor does: differences of whole steps would be pure noise.
+//! The frame feels whole steps: the motors rest between two events. Measures of the motors
+//! themselves (acceleration, the extruder's flow) take each step as the crossing of the middle
+//! between two positions and go straight from one crossing to the next, as a rotor does:
+//! differences of whole steps would be pure noise.
 
 mod crossings;
 mod path_source;
@@ -24,7 +25,8 @@ use std::ops::RangeInclusive;
 /// Motion is simulated through pauses of at most this, s; of a longer one only the beginning.
 const LONGEST_PAUSE_S: u64 = 2;
 
-/// Range of a motor's steps/mm: it includes every real motor, and keeps a few steps from making a path of kilometres.
+/// Range of a motor's steps/mm: it includes every real motor, and keeps a few steps from making a
+/// path of kilometres.
 const STEPS_PER_MM: RangeInclusive<f64> = 0.1..=1e6;
 
 /// Motors of a trace that can be simulated.
@@ -103,7 +105,8 @@ pub struct StepSimulation {
     motors: [i64; MOTORS],
     first_tick: Option<u64>,
     last_tick: u64,
-    /// Parts of pauses that were left out, in whole ticks: an f64 cannot hold all of them, and no sum of seconds is exact.
+    /// Parts of pauses that were left out, in whole ticks: an f64 cannot hold all of them, and no
+    /// sum of seconds is exact.
     left_out_ticks: u64,
     /// The frame's time, s.
     time_s: f64,
@@ -340,8 +343,8 @@ impl StepSimulation {
         }
     }
 
-    /// The end of the steps: lets everything come to rest, and returns the measures and the time from the first record to the
-    /// last without homing, s.
+    /// The end of the steps: lets everything come to rest, and returns the measures and the time
+    /// from the first record to the last without homing, s.
     ///
     /// # Errors
     /// The path continues after the last step.

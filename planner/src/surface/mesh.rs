@@ -378,8 +378,8 @@ fn outwards(point: u8, points: u8, beyond: i32) -> (u8, i32) {
     }
 }
 
-/// Cell of a place, in cells from the first point, and the position within it: up to `beyond` cells outside the grid
-/// the outermost cell continues, and from there the surface is level.
+/// Cell of a place, in cells from the first point, and the position within it: up to `beyond` cells
+/// outside the grid the outermost cell continues, and from there the surface is level.
 pub(super) fn cell(place: f32, points: u8, beyond: u8) -> (u8, f32) {
     let last = points.saturating_sub(2);
     let beyond = f32::from(beyond);
@@ -396,8 +396,9 @@ pub(super) fn cell(place: f32, points: u8, beyond: u8) -> (u8, f32) {
     (cell, place - f32::from(cell))
 }
 
-/// The cubic curve between the second and the third of four heights at even distances, whose slope at each is that from its neighbour
-/// to its neighbour (Catmull and Rom 1974), at this share of the distance.
+/// The cubic curve between the second and the third of four heights at even distances, whose
+/// slope at each is that from its neighbour to its neighbour (Catmull and Rom 1974), at this
+/// share of the distance.
 fn catmull_rom([before, start, end, after]: [f32; 4], share: f32) -> f32 {
     let linear = end - before;
     let square = 2.0 * before - 5.0 * start + 4.0 * end - after;

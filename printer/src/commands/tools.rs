@@ -71,7 +71,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         ToolsPart::<P>::get(&self.modes.tools).map_or(0, |tools| tools.selected)
     }
 
-    /// The selected tool, and the offset from T0's nozzle, whose place is the machine's, to the tool's; units of 10 nm.
+    /// The selected tool, and the offset from T0's nozzle, whose place is the machine's, to the
+    /// tool's; units of 10 nm.
     pub fn tool_in_use(&self) -> (u8, [i64; 3]) {
         (self.selected_tool(), self.tool_offset_10nm())
     }

@@ -1,4 +1,5 @@
-//! Checks that the page calls each motion what it is: printing, travel, retraction, also where the printer adds moves.
+//! Checks that the page calls each motion what it is: printing, travel, retraction, also where the
+//! printer adds moves.
 
 use std::process::Command;
 

@@ -33,8 +33,8 @@ pub use planned_motion::PlannedMotion;
 /// Mask of all motors.
 const ALL_MOTORS: u8 = 0b1111;
 
-/// The reader's motors, which jump from block to block. Only homing makes steps, because its duration depends on the places of
-/// the sensors.
+/// The reader's motors, which jump from block to block. Only homing makes steps, because its
+/// duration depends on the places of the sensors.
 struct Reading {
     motors: VirtualMotors,
     z_motors: Option<DeskZMotors>,
@@ -53,7 +53,8 @@ struct Reading {
 }
 
 impl Reading {
-    /// Reads the next block that may leave look-ahead, and moves the motors to its end; `false` without one.
+    /// Reads the next block that may leave look-ahead, and moves the motors to its end;
+    /// `false` without one.
     fn read(&mut self, planner: &mut Planner<Vec<Slot>, Papers>) -> bool {
         let before = planner.motion_ticks();
         let planned = match &mut self.script {
@@ -115,8 +116,8 @@ impl Plan {
         Ok(moved)
     }
 
-    /// Reads a block; whether there is more room than before. A fan change that leaves look-ahead makes room without a
-    /// block.
+    /// Reads a block; whether there is more room than before. A fan change that leaves look-ahead
+    /// makes room without a block.
     fn makes_room(&mut self) -> bool {
         self.reading.read(&mut self.planner) || self.planner.has_room()
     }
@@ -192,8 +193,8 @@ pub struct PlanReader {
 }
 
 impl PlanReader {
-    /// A machine that has just been switched on, with this many blocks in its look-ahead ring; `is_written`: the plan is
-    /// recorded.
+    /// A machine that has just been switched on, with this many blocks in its look-ahead ring;
+    /// `is_written`: the plan is recorded.
     pub fn new(profile: &Profile, look_ahead: usize, drivers: Rc<DeskDrivers>, is_written: bool) -> Self {
         let mut planner = Planner::new(profile.geometry(), profile.limits, vec![Slot::EMPTY; look_ahead]);
         // The profile's file has been checked for all of them.

@@ -42,7 +42,7 @@ impl Motion for RulesMotion<'_> {
         if self.signals.is_halted() {
             return Err(MotionError::Stopped);
         }
-        self.reader.add(one, &self.own)?;
+        self.reader.add(&one, &self.own)?;
         self.own.set_motors_enabled(ALL_MOTORS, true);
         self.pass(LEAP_TICKS).await?;
         Ok(Moved::Queued)

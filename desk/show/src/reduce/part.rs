@@ -49,7 +49,8 @@ pub(super) fn join(start: &Node, parts: &[Part], tolerance: &Tolerance) -> Optio
     let mut distance_mm = 0.0_f32;
     for part in parts {
         let next_mm = if std::ptr::eq(part, last) { 0.0 } else { chord.distance_mm(&part.node) };
-        // All that a part replaces is as near to it as it says, and it is no farther from the chord than its ends.
+        // All that a part replaces is as near to it as it says, and it is no farther from the
+        // chord than its ends.
         off_mm = off_mm.max(distance_mm.max(next_mm) + part.off_mm);
         let speed = (part.node.speed_mm_per_s - chord.speed_mm_per_s(part.node.time_s)).abs();
         let speed = speed / part.node.speed_mm_per_s.max(SLOW_MM_PER_S);
@@ -66,7 +67,8 @@ pub(super) fn join(start: &Node, parts: &[Part], tolerance: &Tolerance) -> Optio
     })
 }
 
-/// Two parts as one that ends where the second ends, with the values of the one that flows more, or is faster.
+/// Two parts as one that ends where the second ends, with the values of the one that flows
+/// more, or is faster.
 fn louder(first: &Node, second: &Node) -> Node {
     let rank = |node: &Node| (node.flow_mm3_per_s(), node.speed_mm_per_s);
     let most = if rank(first) > rank(second) { first } else { second };

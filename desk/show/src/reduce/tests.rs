@@ -12,7 +12,8 @@ fn layer_mm() -> f64 {
     ring + f64::from(LINES) * 8.0_f64.hypot(0.1)
 }
 
-/// Layers of a ring and of lines to and fro whose speed rises and falls, in layers that are all alike.
+/// Layers of a ring and of lines to and fro whose speed rises and falls, in layers
+/// that are all alike.
 fn large_job(mut push: impl FnMut(Node)) {
     let mut node = Node { layer: UNMARKED, kind: Kind::Travel, ..Node::default() };
     let mut go = |node: &mut Node, position_mm: [f32; 3], speed_mm_per_s: f32, step_s: f64| {

@@ -7,7 +7,8 @@ use ferrostep_oracle::reference::{Job, Move, MoveKind, UNITS_PER_MM};
 use std::collections::VecDeque;
 use std::fmt;
 
-/// Steps that are kept at most until a part of the path is drawn from them, which at worst takes the square of their number.
+/// Steps that are kept at most until a part of the path is drawn from them, which at worst takes
+/// the square of their number.
 const MAX_POINTS: usize = 20_000;
 
 /// The longest part of the path that is drawn at once, s.
@@ -87,7 +88,8 @@ struct Point {
 }
 
 impl PathSource {
-    /// The moves of a G-code file, with the speeds of a plan, by which the time of several moves of one line is shared out.
+    /// The moves of a G-code file, with the speeds of a plan, by which the time of several moves of
+    /// one line is shared out.
     pub fn of_job(job: &Job, speeds: &[MoveSpeeds], filament_mm2: f64) -> Self {
         let duration_s = |one: &Move, speeds: &MoveSpeeds| {
             phases(speeds, MoveShape::of(one).length_mm).map(|(duration_s, _)| duration_s).sum::<f64>()
@@ -109,7 +111,8 @@ impl PathSource {
         self
     }
 
-    /// The path that the motors themselves draw: a trace without its G-code is measured against that.
+    /// The path that the motors themselves draw: a trace without its G-code is
+    /// measured against that.
     pub const fn of_steps(filament_mm2: f64) -> Self {
         Self { from: From::Steps { points: Vec::new() }, filament_mm2, end_s: 0.0, after_own: VecDeque::new() }
     }
@@ -254,8 +257,9 @@ impl PathSource {
     }
 }
 
-/// The point farthest from the line between the first and the last, if that is farther than the tolerance; of several that are
-/// as far, the one nearest to the middle, so that a path to and fro is halved.
+/// The point farthest from the line between the first and the last, if that is farther than
+/// the tolerance; of several that are as far, the one nearest to the middle, so that a path to
+/// and fro is halved.
 fn farthest(points: &[Point]) -> Option<usize> {
     let [first, .., last] = points else { return None };
     let chord = PathSegment { start_s: 0.0, end_s: 0.0, from_mm: first.place_mm, to_mm: last.place_mm, bead_mm2: 0.0 };
