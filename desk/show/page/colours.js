@@ -54,7 +54,8 @@ function css(table, share) {
   return `rgb(${table[i]} ${table[i + 1]} ${table[i + 2]})`;
 }
 
-// Each: `of(print, i)` gives the values at the beginning and the end of the part of the path that ends at node i.
+// Each: `of(print, i)` gives the values at the beginning and the end of the part of the path that
+// ends at node i.
 const MODES = {
   speed: { name: 'Executed speed', unit: 'mm/s', digits: 0, zero: true,
     of: ({ c }, i) => [c.speed[i - 1], c.speed[i]] },
@@ -119,7 +120,8 @@ function coloured(print, key) {
     printed.push(i);
   }
   if (!printed.length) [least, most] = [0, 1];
-  // One value in a thousand may lie outside the colours, so that a single spike does not take them all.
+  // One value in a thousand may lie outside the colours, so that a single spike does not take them
+  // all.
   const middles = Float32Array.from(printed, (i) => (values[2 * i] + values[2 * i + 1]) / 2).sort();
   const at = (share) => (middles.length ? middles[Math.min(middles.length - 1, Math.floor(share * middles.length))] : 0);
   let low = mode.zero ? 0 : at(0.002);

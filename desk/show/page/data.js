@@ -1,4 +1,5 @@
-// The print's data: columns of differences, bytes apart, deflated, in base64 (desk/show/src/columns.rs).
+// The print's data: columns of differences, bytes apart, deflated, in base64
+// (desk/show/src/columns.rs).
 
 const KIND = { travel: 0, print: 1, retract: 2, prime: 3, homing: 4, heating: 5, wait: 6 };
 const KIND_NAMES = ['travel', 'printing', 'retraction', 'priming', 'homing', 'heating', 'wait'];
@@ -57,7 +58,8 @@ async function load() {
   return print;
 }
 
-// The usual height of a layer, mm, of each layer its own, and whether any is known: from one layer to the next, the first from the bed.
+// The usual height of a layer, mm, of each layer its own, and whether any is known: from one layer
+// to the next, the first from the bed.
 function heightsOf({ c, n, layers, layerZ, main }) {
   const isHeight = (height) => height > 0.01 && height < 2.5;
   const rises = Array.from(layerZ, (z, l) => z - (l ? layerZ[l - 1] : 0));
@@ -70,7 +72,8 @@ function heightsOf({ c, n, layers, layerZ, main }) {
   return { height, hasHeight, layerHeight };
 }
 
-// Height and width of the bead of the part that ends at a node, mm: as the slicer says, or as its layer and its filament do.
+// Height and width of the bead of the part that ends at a node, mm: as the slicer says, or as its
+// layer and its filament do.
 function beadHeight({ c, layerHeight }, i) {
   return c.height[i] || layerHeight[c.layer[i]];
 }

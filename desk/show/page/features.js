@@ -13,7 +13,8 @@ const FAMILIES = [
   ['inner', /inner|perimeter|wall|loop/], ['custom', /custom|start|end gcode/],
 ];
 
-// Colours of features that belong to no family, or to one that another feature of the file has already.
+// Colours of features that belong to no family, or to one that another feature of the file has
+// already.
 const OTHER_COLOURS = ['#39b7c9', '#d85f95', '#8fb84a', '#a58262', '#6f7fe0', '#e0a0d8', '#3f6f3a', '#c8b273', '#7a2f5f', '#58c4f2', '#d4572a', '#4a4e8c', '#9bd8c0',
   '#b58be8', '#8c3b3b', '#2f8fa3', '#f2c6a0', '#6d8f1f', '#c43fa8', '#506070'];
 

@@ -40,7 +40,8 @@ async function main() {
   showPlaces(print, state, changed);
   byId('loading').remove();
 
-  // What there is to see, without a line at the bed's edge that primes the nozzle if there is more than one layer.
+  // What there is to see, without a line at the bed's edge that primes the nozzle if there is more
+  // than one layer.
   function bounds() {
     const afterFirst = print.layers > 2 && print.main === KIND.print ? print.layerStart[1] + 1 : 0;
     const found = extentOf(print, Math.max(print.partStart, afterFirst)) ?? extentOf(print, 1);
@@ -89,7 +90,8 @@ async function main() {
     changed();
   }
 
-  // A frame begins when of the pictures before it all but one are drawn: a slow machine would collect them, and answer late.
+  // A frame begins when of the pictures before it all but one are drawn: a slow machine would
+  // collect them, and answer late.
   function changed() {
     if (isDue) return;
     isDue = true;
@@ -118,7 +120,8 @@ async function main() {
     const { clientWidth: width, clientHeight: height } = canvas;
     setPixels(overlay, ratio);
     const { first, last, started, now } = range();
-    // A slow machine draws a coarse picture while something moves, and the whole one when it rests, some parts in each frame.
+    // A slow machine draws a coarse picture while something moves, and the whole one when it rests,
+    // some parts in each frame.
     const isMoving = state.playing || state.isTouched;
     const isQuick = state.isSlow && (state.isTouched || performance.now() - state.touched < 250);
     state.isTouched = false;

@@ -1,4 +1,5 @@
-// Pointers: they turn, move and zoom the view, and find what lies below them; on the charts they choose a time.
+// Pointers: they turn, move and zoom the view, and find what lies below them; on the charts they
+// choose a time.
 
 function pointersOn({ canvas, chart, tip, state, charts, hover, changed, touched, goTo, stop, setTime }) {
   const pointers = new Map();

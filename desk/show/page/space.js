@@ -20,7 +20,8 @@ out vec3 side;
 out vec3 toward;
 ivec2 texel(int number) { return ivec2(number & 2047, number >> 11); }
 void main() {
-  // Two triangles for each part, one list for all: an instance for each part is slow without a graphics card.
+  // Two triangles for each part, one list for all: an instance for each part is slow without a
+  // graphics card.
   int part = gl_VertexID / 6;
   int corner = gl_VertexID - 6 * part;
   corner = corner < 3 ? corner : corner == 5 ? 3 : 5 - corner;
@@ -84,17 +85,19 @@ void main() {
   colour = vec4(lit, 1.0);
 }`;
 
-// The most parts of a coarse path, for pictures in motion on slow machines; each level has half as many as the one before.
+// The most parts of a coarse path, for pictures in motion on slow machines; each level has half as
+// many as the one before.
 const COARSE_PARTS = [72000, 36000, 18000, 9000, 4500, 2250, 1125];
 const FIRST_LEVEL = 3;
-// A coarse picture may take so long, ms: for 30 of them in a second, with as much time again for the page and the browser. Where it takes
-// less than QUICK_MS, one with twice the parts fits.
+// A coarse picture may take so long, ms: for 30 of them in a second, with as much time again for
+// the page and the browser. Where it takes less than QUICK_MS, one with twice the parts fits.
 const FRAME_MS = 17;
 const QUICK_MS = 7;
 // Pictures from which a level is judged, and for how long it then stays, ms.
 const JUDGED = 6;
 const STAY_MS = 4000;
-// The same for the parts of a whole picture that are drawn in one frame: the page must answer in between. While it plays, a fifth.
+// The same for the parts of a whole picture that are drawn in one frame: the page must answer in
+// between. While it plays, a fifth.
 const PART_MS = 100;
 const PLAYED_PART = 0.2;
 // Samples of each pixel of a whole picture.
@@ -126,12 +129,14 @@ function coarsePath({ c, n, layers, main }, most) {
   }
 }
 
-// How many parts a machine draws in a frame, from what it has drawn. `level`: of COARSE_PARTS; `parts`: of a whole picture.
+// How many parts a machine draws in a frame, from what it has drawn. `level`: of COARSE_PARTS;
+// `parts`: of a whole picture.
 function detail() {
   const now = { level: FIRST_LEVEL, parts: 4000, drawn: 0, ms: 0 };
   let taken = [];
   let judgedAt = 0;
-  // What a picture took at the level before, where this one is coarser: if it is no faster, something else takes the time.
+  // What a picture took at the level before, where this one is coarser: if it is no faster,
+  // something else takes the time.
   let finer = 0;
   return {
     now,
@@ -234,7 +239,8 @@ function spaceOn(canvas, print) {
   };
   coarseAt(FIRST_LEVEL);
 
-  // The whole picture is drawn beside the canvas, some parts in each frame if it must be, and shown when it is complete.
+  // The whole picture is drawn beside the canvas, some parts in each frame if it must be, and shown
+  // when it is complete.
   const beside = gl.createFramebuffer();
   const [colourPixels, depthPixels] = [gl.createRenderbuffer(), gl.createRenderbuffer()];
   const samples = Math.min(SAMPLES, gl.getParameter(gl.MAX_SAMPLES));
@@ -250,7 +256,8 @@ function spaceOn(canvas, print) {
     }
     painted.view = '';
   };
-  // What lies on the picture beside the canvas: the view, the parts from `first` to before `last`, and a share of the part after them.
+  // What lies on the picture beside the canvas: the view, the parts from `first` to before `last`,
+  // and a share of the part after them.
   const painted = { view: '', first: 0, last: 0, share: 0 };
   let version = 0;
 
@@ -327,8 +334,8 @@ function spaceOn(canvas, print) {
       fill(UNITS.places, placeTexture, PLACES, 4, places);
       version += 1;
     },
-    // Draws a coarse picture at once, with half as many pixels each way, of the parts that end at nodes from `first` to before `last`, and
-    // a started one up to a place.
+    // Draws a coarse picture at once, with half as many pixels each way, of the parts that end at
+    // nodes from `first` to before `last`, and a started one up to a place.
     coarse(first, last, started, theme, ratio, drawn) {
       const began = performance.now();
       const path = coarseAt(fineness.now.level);
@@ -348,8 +355,8 @@ function spaceOn(canvas, print) {
       });
       fineness.now.drawn = to - from;
     },
-    // Draws the whole picture, on a slow machine as many of its parts as fit into a frame, or while it plays nothing if not all of them do;
-    // whether it is complete, and so is shown.
+    // Draws the whole picture, on a slow machine as many of its parts as fit into a frame, or while
+    // it plays nothing if not all of them do; whether it is complete, and so is shown.
     whole(first, last, started, theme, ratio, { isSlow, isPlaying }, drawn) {
       const [width, height] = pixelsOf(canvas, ratio);
       const began = performance.now();
