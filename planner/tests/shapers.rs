@@ -48,6 +48,24 @@ fn compare(shaper: &AxisShaper) {
     assert!((kernel.centroid_ticks() - reference.centroid_s() * ticks_per_second).abs() <= 1.0, "{shaper:?}");
 }
 
+/// A filter that is as long as the longest is taken, alone and beside a moving average.
+#[test]
+fn the_longest_filter_is_taken_and_one_a_tick_longer_is_not() {
+    for kind in kinds() {
+        let shaper = AxisShaper { kind, frequency_hz: 100.0, damping: 0.05 };
+        let left_ticks = MAX_LENGTH_TICKS - shaper.kernel().unwrap().length_ticks();
+        assert!(shaper.kernel_beside(left_ticks).is_ok(), "{kind:?}");
+        assert!(
+            kind == ShaperKind::None
+                || matches!(
+                    shaper.kernel_beside(left_ticks + 1),
+                    Err(ShaperError::TooLong { is_smooth: true, .. })
+                ),
+            "{kind:?}"
+        );
+    }
+}
+
 // ANCHOR: every_kind
 #[test]
 fn shapers_are_the_simulators_at_the_ends_of_their_ranges() {

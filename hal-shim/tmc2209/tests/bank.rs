@@ -152,6 +152,24 @@ fn a_silent_driver_fails_and_is_told_once_and_may_come_back() {
 }
 
 #[test]
+fn three_attempts_ask_a_silent_driver_eight_times_each() {
+    let mut drivers = [None; MOTORS];
+    drivers[2] = Some((SETTINGS, VIRTUAL_WIRING[2]));
+    let mut bank = DriverBank::new(drivers, TIMING, 0);
+    let mut line = Deaf(Vec::new());
+    let mut now = 0;
+    let event = loop {
+        match bank.poll(&mut line, now) {
+            Some(event) => break event,
+            None => now += 50,
+        }
+    };
+    assert_eq!(event.kind, DriverEventKind::Failed(Failure::Line(ExchangeError::NoEcho)));
+    let request = read_request(VIRTUAL_WIRING[2].address, Register::Ioin).to_vec();
+    assert_eq!(line.0.iter().filter(|bytes| **bytes == request).count(), 3 * 8);
+}
+
+#[test]
 fn a_held_line_another_chip_and_impossible_settings_are_told_apart() {
     let mut bench = Bench::new(0);
     bench.lines.set_held(true);

@@ -409,3 +409,24 @@ fn catmull_rom([before, start, end, after]: [f32; 4], share: f32) -> f32 {
 fn round(x: f32) -> i32 {
     (if x < 0.0 { x - 0.5 } else { x + 0.5 }) as i32
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_fade_allows_for_the_height_a_cell_beyond_the_grid() {
+        let mut mesh = Mesh::NONE;
+        mesh.begin(&MeshGrid::over([[0, 10_000_000]; 2], [3, 3]).unwrap(), MeshInterpolation::Bilinear);
+        // 2 um a millimetre along X, 1 um along Y.
+        for (row, row_um) in (0..3).zip([0, 50, 100]) {
+            for (column, column_um) in (0..3).zip([0, 100, 200]) {
+                assert!(mesh.set_height_um([column, row], row_um + column_um));
+            }
+        }
+        mesh.set_fade_10nm(1_000_000);
+        let bounds = mesh.bounds(MAX_SLOPE).unwrap();
+        // 450 um at the corner a cell beyond, of 10 mm.
+        assert!((bounds.fade - 0.045).abs() < 1e-6, "{bounds:?}");
+    }
+}
