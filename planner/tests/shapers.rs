@@ -57,10 +57,7 @@ fn the_longest_filter_is_taken_and_one_a_tick_longer_is_not() {
         assert!(shaper.kernel_beside(left_ticks).is_ok(), "{kind:?}");
         assert!(
             kind == ShaperKind::None
-                || matches!(
-                    shaper.kernel_beside(left_ticks + 1),
-                    Err(ShaperError::TooLong { is_smooth: true, .. })
-                ),
+                || matches!(shaper.kernel_beside(left_ticks + 1), Err(ShaperError::TooLong { is_smooth: true, .. })),
             "{kind:?}"
         );
     }

@@ -76,7 +76,9 @@ impl<M: Stepping + 'static, const PORTS: usize> Run<M, PORTS> {
 fn assert_past<M: Stepping + 'static, const PORTS: usize>(entries: &[StepEntry], updates: usize, trusted: bool) {
     let board = Interrupt::<M, PORTS, RING>::leaked();
     let mut run = Run::<M, PORTS> { board, ledger: StepLedger::default(), queued: 0 };
+    // Memory that was no ring is emptied, even if the supply has lasted.
     board.player.restart(true);
+    assert!(!board.player.past().is_kept);
     run.go(entries, updates);
     board.timer.mask();
     board.player.restart(trusted);
