@@ -74,6 +74,7 @@ mod simulations;
 mod skew;
 mod slaved_extruder;
 mod sliced_3mf;
+mod sliced_for;
 mod slicer_printers;
 mod slicer_profiles;
 mod slicers_today;

@@ -1,6 +1,7 @@
 //! The job of a command: opened, executed on a session, and summed up.
 
 use std::cell::Cell;
+use std::path::Path;
 use std::process::ExitCode;
 use std::rc::Rc;
 use std::time::Instant;
@@ -23,17 +24,17 @@ use ferrostep_session::watch::Watch;
 use ferrostep_session::{JobReplies, Session};
 
 use crate::arguments::JobArguments;
+use crate::machine::Machine;
 use crate::outcome::{exit_code, result};
 use crate::progress::Progress;
 
 /// Maximum number of the machine's notices that are shown; a broken file could cause one a line.
 const MAX_NOTICES: u32 = 20;
 
-/// The profile and the open file of a job.
-pub fn open(job: &JobArguments) -> Result<(Profile, Input), String> {
-    let profile = ferrostep_profiles::load(&job.profile).map_err(|error| error.to_string())?;
+/// The machine, of this profile if one is named, and the open file of a job.
+pub fn open(job: &JobArguments, named: Option<&str>) -> Result<(Profile, Input), String> {
     let input = Input::open(&job.file).map_err(|error| format!("{}: {error}", input::name(&job.file)))?;
-    Ok((profile, input))
+    Ok((Machine::of_job(named, &job.file, &input)?.profile, input))
 }
 
 /// The planner of another firmware that a command names, or else the profile; `None` for the rules
@@ -63,13 +64,17 @@ pub fn replies(progress: &Progress) -> JobReplies<'_> {
 }
 
 /// Returns exit status 1 on any remark other than `corner`, for `--strict`.
-pub fn strict(job: &JobArguments, remarks: &[Remark]) -> ExitCode {
+pub fn strict(file: &Path, remarks: &[Remark]) -> ExitCode {
     let remarks: Vec<&Remark> = remarks.iter().filter(|remark| remark.kind != RemarkKind::Corner).collect();
     match remarks[..] {
         [] => ExitCode::SUCCESS,
         [first, ..] => {
-            let (name, count) = (printable::name(&job.file), remarks.len());
-            exit_code(Err(format!("{name}: {count} remarks, and none expected (--strict): {first}")))
+            let name = printable::name(file);
+            let count = match remarks.len() {
+                1 => "1 remark".to_owned(),
+                count => format!("{count} remarks"),
+            };
+            exit_code(Err(format!("{name}: {count}, and none expected (--strict): {first}")))
         }
     }
 }
@@ -142,7 +147,7 @@ pub fn run<D: Desk>(
     let code = result(job.json.then_some(&summary), || format!("{summary}\n"));
     match outcome {
         Ok(()) if job.strict && code == ExitCode::SUCCESS => {
-            strict(job, summary.remarks.as_deref().unwrap_or_default())
+            strict(&job.file, summary.remarks.as_deref().unwrap_or_default())
         }
         Ok(()) => code,
         Err(error) => exit_code(Err(format!("{}: {error}", input::name(&job.file)))),

@@ -5,6 +5,7 @@ mod browser;
 mod commands;
 mod guide;
 mod job;
+mod machine;
 mod manual;
 mod outcome;
 mod progress;

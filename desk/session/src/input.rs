@@ -6,6 +6,7 @@ mod binary;
 mod foreign;
 mod place;
 mod sliced;
+mod sliced_for;
 
 use std::fmt;
 use std::fs::File;
@@ -26,9 +27,13 @@ pub use ferrostep_host::printable::{is_standard_input, name_of_input as name};
 pub use foreign::Foreign;
 pub use place::Place;
 pub use sliced::SlicedError;
+pub use sliced_for::{Shown as ShownTravel, SlicedFor};
 
 /// Bytes at the start of a file that are examined to tell text from binary data.
 const LOOK_BYTES: usize = 64 * 1024;
+
+/// Bytes at each end of a file in which slicers write their settings.
+const SETTINGS_BYTES: u64 = 256 * 1024;
 
 /// Bytes to wait for on a pipe that brings them piece by piece, or the end of a line: a person who types G-code into a pipe gets
 /// an answer to each line.
@@ -241,6 +246,25 @@ impl Input {
         self.description.as_ref()
     }
 
+    /// The printer that it was sliced for, as the slicer describes it; of a pipe, whose end comes
+    /// too late, nothing.
+    ///
+    /// # Errors
+    /// The file at `path`, which this is, cannot be read once more.
+    pub fn sliced_for(&self, path: &Path) -> io::Result<SlicedFor> {
+        if let Some(description) = &self.description {
+            return Ok(description.sliced_for.clone());
+        }
+        let mut said = SlicedFor::default();
+        if self.is_prepared || is_standard_input(path) || !path.metadata()?.is_file() {
+            return Ok(said);
+        }
+        let [start, end] = ends(path)?;
+        said.read(&start);
+        said.read(&end);
+        Ok(said)
+    }
+
     /// Returns the progress of reading it.
     pub fn place(&self) -> Rc<Place> {
         Rc::clone(&self.place)
@@ -265,6 +289,27 @@ pub fn packing(path: &Path) -> io::Result<Option<&'static str>> {
     let mut magic = [0; 2];
     let is_gzip = file.read_exact(&mut magic).is_ok() && magic == GZIP_MAGIC;
     Ok(is_gzip.then_some("packed with gzip"))
+}
+
+/// The first and the last [`SETTINGS_BYTES`] of a job's text, in which slicers write their settings.
+fn ends(path: &Path) -> io::Result<[Vec<u8>; 2]> {
+    let (mut start, mut end) = (Vec::new(), Vec::new());
+    if packing(path)?.is_some() {
+        // An end that is packed can only be reached through all that is before it.
+        let Ok(mut text) = Input::open(path) else { return Ok([start, end]) };
+        (&mut text).take(SETTINGS_BYTES).read_to_end(&mut start)?;
+        while (&mut text).take(SETTINGS_BYTES).read_to_end(&mut end)? > 0 {
+            let surplus = end.len().saturating_sub(SETTINGS_BYTES as usize);
+            end.drain(..surplus);
+        }
+    } else {
+        let mut file = File::open(path)?;
+        (&mut file).take(SETTINGS_BYTES).read_to_end(&mut start)?;
+        let size = file.seek(SeekFrom::End(0))?;
+        file.seek(SeekFrom::Start(size.saturating_sub(SETTINGS_BYTES).max(start.len() as u64)))?;
+        file.take(SETTINGS_BYTES).read_to_end(&mut end)?;
+    }
+    Ok([start, end])
 }
 
 /// Returns true if a file is a zip archive. Rewinds the file.

@@ -23,12 +23,16 @@ pub struct ShowArguments {
     /// The page to write [default: the file's name with .html, in this folder].
     #[arg(short, value_name = "PAGE.html")]
     pub out: Option<PathBuf>,
-    /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
-    #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
-    pub profile: String,
+    /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file [default: cartesian,
+    /// with the travel in the slicer's comments].
+    #[arg(long, value_name = "NAME|PATH")]
+    pub profile: Option<String>,
     /// Does not open the page.
     #[arg(long)]
     pub no_open: bool,
+    /// Ends with exit status 1 if there are remarks, as `estimate --strict` does.
+    #[arg(long)]
+    pub strict: bool,
 }
 
 /// Arguments of `compare`.

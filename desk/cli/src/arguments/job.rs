@@ -29,9 +29,10 @@ pub struct JobArguments {
     /// The plate of a 3MF.
     #[command(flatten)]
     pub plate: PlateArgument,
-    /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
-    #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
-    pub profile: String,
+    /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file [default: cartesian,
+    /// with the travel in the slicer's comments].
+    #[arg(long, value_name = "NAME|PATH")]
+    pub profile: Option<String>,
     /// Prints the result as one JSON object.
     #[arg(long)]
     pub json: bool,

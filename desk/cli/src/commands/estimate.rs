@@ -9,12 +9,13 @@ use ferrostep_session::input;
 
 use crate::arguments::JobArguments;
 use crate::job::{self, open, replies};
+use crate::machine;
 use crate::progress::Progress;
 
 /// Plans the job without making its steps, by the rules that are asked for or else the profile's,
 /// and reports time and material.
 pub fn run(arguments: &JobArguments, rules: Option<PlannedBy>) -> Result<ExitCode, String> {
-    let (profile, input) = open(arguments)?;
+    let (profile, input) = open(arguments, arguments.profile.as_deref())?;
     if input.is_prepared() {
         return Err(format!(
             "{}: this is a prepared job, and estimate takes G-code: `ferrostep inspect` shows a prepared job's time",
@@ -22,7 +23,7 @@ pub fn run(arguments: &JobArguments, rules: Option<PlannedBy>) -> Result<ExitCod
         ));
     }
     let progress = Progress::new();
-    Ok(match job::by_rules(&profile, &arguments.profile, rules)? {
+    Ok(match job::by_rules(&profile, machine::name_or_path(arguments.profile.as_deref()), rules)? {
         None => {
             let session = Session::estimate(profile, LOOK_AHEAD_BLOCKS, replies(&progress));
             job::run(arguments, input, &session, &progress, 0)

@@ -12,6 +12,7 @@ use ferrostep_session::output::{Accepted, Output, OutputError};
 
 use crate::arguments::{Format, JobArguments};
 use crate::job::{open, replies, strict};
+use crate::machine;
 use crate::outcome::result;
 use crate::progress::Progress;
 use crate::protected::inputs;
@@ -19,7 +20,9 @@ use crate::terminal::tell;
 
 /// Plans the job and writes it as a prepared one.
 pub fn run(job: &JobArguments, out: &Path, format: Format) -> Result<ExitCode, String> {
-    let (profile, mut input) = open(job)?;
+    // A prepared job is for the machine that it names, whose travel no comment changes.
+    let named = machine::name_or_path(job.profile.as_deref());
+    let (profile, mut input) = open(job, Some(named))?;
     let name = input::name(&job.file);
     if input.is_prepared() {
         return Err(format!("{name}: this is a prepared job already, and preprocess takes G-code"));
@@ -29,8 +32,7 @@ pub fn run(job: &JobArguments, out: &Path, format: Format) -> Result<ExitCode, S
         Format::Wide => Encoding::Wide,
     };
     // The header is written last, at the beginning of the file, which a pipe cannot do.
-    let part =
-        Output::create(out, Accepted::File, &inputs(&job.file, &job.profile)).map_err(|error| error.to_string())?;
+    let part = Output::create(out, Accepted::File, &inputs(&job.file, named)).map_err(|error| error.to_string())?;
     let mut part = BufWriter::new(part);
     let progress = Progress::new();
     let replies = replies(&progress);
@@ -56,5 +58,5 @@ pub fn run(job: &JobArguments, out: &Path, format: Format) -> Result<ExitCode, S
     let wall_s = started.elapsed().as_secs_f64();
     let summary = PreparedSummary::new(&job.file, out, profile.name, &prepared, wall_s);
     let code = result(job.json.then_some(&summary), || format!("{summary}\n"));
-    Ok(if job.strict && code == ExitCode::SUCCESS { strict(job, &summary.remarks) } else { code })
+    Ok(if job.strict && code == ExitCode::SUCCESS { strict(&job.file, &summary.remarks) } else { code })
 }

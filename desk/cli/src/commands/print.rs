@@ -14,6 +14,7 @@ use ferrostep_session::record::{Recorder, TraceWriter, VcdWriter, Window};
 
 use crate::arguments::{Edge, JobArguments};
 use crate::job::{self, open, replies};
+use crate::machine;
 use crate::outcome::exit_code;
 use crate::progress::Progress;
 use crate::protected::inputs;
@@ -29,7 +30,7 @@ pub fn run(
 ) -> Result<ExitCode, String> {
     let window =
         vcd.map(|(_, from, to)| waveform::window(&arguments.file, from, to)).transpose()?.unwrap_or(Window::ALL);
-    let (profile, input) = open(arguments)?;
+    let (profile, input) = open(arguments, arguments.profile.as_deref())?;
     let named = arguments.file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gpre"));
     match (named, input.is_prepared()) {
         (true, false) => tell(format_args!(
@@ -60,7 +61,7 @@ pub fn run(
         return Ok(job::run(arguments, input, &session, &progress, from));
     }
     let mut recorder = Recorder::default();
-    let mut protected = inputs(&arguments.file, &arguments.profile);
+    let mut protected = inputs(&arguments.file, machine::name_or_path(arguments.profile.as_deref()));
     // The waveform must not replace the trace, so the trace's name is protected before the waveform is opened.
     let trace = trace.map(|path| Output::create(path, Accepted::FileOrStream, &protected)).transpose();
     let trace = trace.map_err(|error| error.to_string())?;

@@ -14,7 +14,8 @@ use ferrostep_show::write_page;
 
 use crate::arguments::ShowArguments;
 use crate::browser;
-use crate::job::replies;
+use crate::job::{replies, strict};
+use crate::machine::{self, Machine};
 use crate::outcome::exit_code;
 use crate::progress::Progress;
 use crate::protected::inputs;
@@ -28,11 +29,12 @@ const MAX_ASKED_BYTES: u64 = 32 << 20;
 
 /// Prints the job and writes its page.
 pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
-    let profile = ferrostep_profiles::load(&arguments.profile).map_err(|error| error.to_string())?;
     let name = input::name(&arguments.file);
     let mut input = Input::open(&arguments.file).map_err(|error| format!("{name}: {error}"))?;
+    let named = arguments.profile.as_deref();
+    let Machine { profile, name: machine } = Machine::of_job(named, &arguments.file, &input)?;
     let path = arguments.out.clone().map_or_else(|| default_page(&arguments.file), Ok)?;
-    let protected = inputs(&arguments.file, &arguments.profile);
+    let protected = inputs(&arguments.file, machine::name_or_path(named));
     let out = Output::create(&path, Accepted::FileOrStream, &protected).map_err(|error| error.to_string())?;
 
     let progress = Progress::new();
@@ -52,7 +54,8 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
     let chances = if shown.stopped.is_some() { Vec::new() } else { chances };
     let said = input.description().map(|description| &description.figures);
     let slicer_time_s = said.and_then(|said| Some(said.time_s?.into()));
-    let job = shown.job(&arguments.file, &profile, slicer_time_s, chances);
+    let mut job = shown.job(&arguments.file, &profile, slicer_time_s, chances);
+    job.profile = machine;
     let mut out = BufWriter::with_capacity(1 << 16, out);
     if let Err(error) = write_page(&mut out, &job, &shown.recording, &shown.text) {
         return Err(out.get_ref().failed(error).to_string());
@@ -70,9 +73,11 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
     if !arguments.no_open {
         browser::open_page(&target);
     }
+    let code = exit_code(written);
     Ok(match shown.stopped {
         Some(error) => exit_code(Err(format!("{name}: {error}"))),
-        None => exit_code(written),
+        None if arguments.strict && code == ExitCode::SUCCESS => strict(&arguments.file, &shown.remarks),
+        None => code,
     })
 }
 

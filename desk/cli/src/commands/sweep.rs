@@ -10,6 +10,7 @@ use ferrostep_session::input;
 use ferrostep_session::output::{Accepted, Output};
 
 use crate::arguments::{JobArguments, MacroArgument, SweepArguments};
+use crate::machine;
 use crate::outcome::result;
 use crate::protected::inputs;
 
@@ -40,6 +41,7 @@ pub fn budgets(
 ) -> Result<ExitCode, String> {
     let JobArguments { file, plate, profile, json, strict: _ } = job;
     let error_budget = Some(values);
+    let profile = machine::name_or_path(profile.as_deref()).to_owned();
     run(&SweepArguments {
         file,
         plate,

@@ -10,6 +10,7 @@ use ferrostep_host::printable::one_line;
 use serde::Serialize;
 
 use super::place::Place;
+use super::sliced_for::SlicedFor;
 use crate::duration::hms;
 
 /// Bytes decoded at once.
@@ -67,6 +68,8 @@ fn sum(numbers: &str) -> Option<f64> {
 pub struct Description {
     /// The slicer's figures.
     pub figures: SlicerFigures,
+    /// The printer that it was sliced for.
+    pub sliced_for: SlicedFor,
     /// The pictures.
     pub thumbnails: Vec<(Thumbnail, Vec<u8>)>,
 }
@@ -111,7 +114,11 @@ impl Description {
                 let length = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
                 self.thumbnails.push((Thumbnail { format, width, height, length }, bytes));
             }
-            Some((_, _, text)) => self.figures.read(&String::from_utf8_lossy(&text)),
+            Some((_, _, text)) => {
+                let text = String::from_utf8_lossy(&text);
+                self.figures.read(&text);
+                text.lines().for_each(|setting| self.sliced_for.take(setting));
+            }
             None => {}
         }
     }
