@@ -1,10 +1,11 @@
 //! Peripherals of the STM32F4 as sequences of loads and stores, and the firmware's
 //! aids around them.
 //!
-//! The code knows registers by address (RM0090, RM0390: the same in everything that is used here)
-//! and reaches them through [`Registers`](registers::Registers). Tests on the desk read what it
-//! stores; on the board the stores are volatile ones (`hal-shim/stm32f4-board/src/volatile.rs`), so
-//! that this crate needs no unsafe code.
+//! The code knows registers by address, which [`ferrostep_register_address`] takes from the chip's
+//! register description, and reaches them through [`Registers`](registers::Registers). Tests on the
+//! desk read what it stores and expect the addresses of the manuals (RM0090, RM0390: the same in
+//! everything that is used here); on the board the stores are volatile ones
+//! (`hal-shim/stm32f4-board/src/volatile.rs`), so that this crate needs no unsafe code.
 #![cfg_attr(not(test), no_std)]
 
 pub mod backup_memory;

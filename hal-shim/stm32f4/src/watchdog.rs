@@ -1,13 +1,15 @@
 //! The independent watchdog: a counter with a separate oscillator that resets the chip
 //! unless it is fed.
 
+use ferrostep_register_address::register;
+
 use crate::registers::Registers;
 
 // RM0090, 21.4.
-const KR: u32 = 0x4000_3000;
-const PR: u32 = 0x4000_3004;
-const RLR: u32 = 0x4000_3008;
-const SR: u32 = 0x4000_300c;
+const KR: u32 = register!(IWDG.kr);
+const PR: u32 = register!(IWDG.pr);
+const RLR: u32 = register!(IWDG.rlr);
+const SR: u32 = register!(IWDG.sr);
 const START: u32 = 0xcccc;
 const UNLOCK: u32 = 0x5555;
 const FEED: u32 = 0xaaaa;
@@ -15,7 +17,7 @@ const FEED: u32 = 0xaaaa;
 const UPDATING: u32 = 0b11;
 /// DBGMCU_APB1_FZ (RM0090, 38.16.4), whose bit pauses the watchdog while a debugger has halted the
 /// core. Only power-on resets the register, so an earlier debugger may have set it.
-const DEBUG_FREEZE: u32 = 0xe004_2008;
+const DEBUG_FREEZE: u32 = register!(DBGMCU.apb1_fz);
 const FREEZE_WATCHDOG: u32 = 1 << 12;
 
 /// The oscillator is divided by 64.
