@@ -6,23 +6,25 @@
 //! use), RCC_CSR, whose flags say why the chip was reset, and the numbers of the PLLs for I2S and
 //! SAI, which are switched off.
 
+use ferrostep_register_address::register;
+
 use super::ChipFamily;
 use crate::clock_tree::{ClockTree, PllSource};
 use crate::rcc::{POWER_CLOCK, RCC, RCC_APB1ENR, RCC_CFGR as CFGR, SWS, is_on_pll};
 use crate::registers::Registers;
 
-const CR: u32 = RCC;
-const PLLCFGR: u32 = RCC + 0x04;
-const CIR: u32 = RCC + 0x0c;
-const SSCGR: u32 = RCC + 0x80;
+const CR: u32 = register!(RCC.cr);
+const PLLCFGR: u32 = register!(RCC.pllcfgr);
+const CIR: u32 = register!(RCC.cir);
+const SSCGR: u32 = register!(RCC.sscgr);
 /// Prescaler of all timers (TIMPRE), clock gating, and what USB's 48 MHz come from (CK48MSEL):
 /// an STM32F446 only.
 const DCKCFGR: u32 = RCC + 0x8c;
 const CKGATENR: u32 = RCC + 0x90;
 const DCKCFGR2: u32 = RCC + 0x94;
-const PWR_CR: u32 = 0x4000_7000;
-const PWR_CSR: u32 = 0x4000_7004;
-const FLASH_ACR: u32 = 0x4002_3c00;
+const PWR_CR: u32 = register!(PWR.cr);
+const PWR_CSR: u32 = register!(PWR.csr);
+const FLASH_ACR: u32 = register!(FLASH.acr);
 
 // CR: switches, each with its ready flag one bit higher.
 const HSION: u32 = 1 << 0;

@@ -1,23 +1,25 @@
 //! The registers of the clocks, and of those of the chip's parts (RM0090 7.3, RM0390 6.3; alike on
 //! all chips of the family).
 
+use ferrostep_register_address::register;
+
 use crate::registers::Registers;
 
 /// The first register, RCC_CR.
-pub const RCC: u32 = 0x4002_3800;
+pub const RCC: u32 = register!(RCC);
 /// Source of the core's clock, and the buses' dividers.
-pub const RCC_CFGR: u32 = RCC + 0x08;
+pub const RCC_CFGR: u32 = register!(RCC.cfgr);
 /// Bits of [`RCC_CFGR`] with the source of the core's clock; the internal oscillator is 0.
 pub const SWS: u32 = 0b11 << 2;
 const SWS_PLL: u32 = 0b10 << 2;
 /// Clocks of the ports and DMA: port A is bit 0.
-pub const RCC_AHB1ENR: u32 = 0x4002_3830;
+pub const RCC_AHB1ENR: u32 = register!(RCC.ahb1enr);
 /// Clocks of AHB2, with the USB controller.
-pub const RCC_AHB2ENR: u32 = 0x4002_3834;
+pub const RCC_AHB2ENR: u32 = register!(RCC.ahb2enr);
 /// Clocks of the parts on the slow bus.
-pub const RCC_APB1ENR: u32 = 0x4002_3840;
+pub const RCC_APB1ENR: u32 = register!(RCC.apb1enr);
 /// Clocks of the parts on the fast bus.
-pub const RCC_APB2ENR: u32 = 0x4002_3844;
+pub const RCC_APB2ENR: u32 = register!(RCC.apb2enr);
 /// Clock of the power control, in [`RCC_APB1ENR`].
 pub const POWER_CLOCK: u32 = 1 << 28;
 

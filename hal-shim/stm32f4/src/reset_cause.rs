@@ -2,10 +2,12 @@
 
 use core::fmt;
 
+use ferrostep_register_address::register;
+
 use crate::registers::Registers;
 
 /// RM0090, 7.3.21.
-const RCC_CSR: u32 = 0x4002_3874;
+const RCC_CSR: u32 = register!(RCC.csr);
 const LOW_POWER: u32 = 1 << 31;
 const WINDOW_WATCHDOG: u32 = 1 << 30;
 const INDEPENDENT_WATCHDOG: u32 = 1 << 29;
