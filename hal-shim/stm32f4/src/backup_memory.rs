@@ -1,6 +1,8 @@
 //! The backup SRAM: 4 KiB that no reset clears (RM0090 5.1.2, RM0390 5.1.2). Without supply it
 //! keeps its contents only where a battery is at VBAT.
 
+use ferrostep_register_address::register;
+
 use crate::rcc::{POWER_CLOCK, RCC_AHB1ENR, RCC_APB1ENR};
 use crate::registers::Registers;
 
@@ -11,8 +13,8 @@ pub const BACKUP_MEMORY: u32 = 0x4002_4000;
 const BACKUP_MEMORY_CLOCK: u32 = 1 << 18;
 
 // RM0090, 5.4.1 and 5.4.2.
-const PWR_CR: u32 = 0x4000_7000;
-const PWR_CSR: u32 = 0x4000_7004;
+const PWR_CR: u32 = register!(PWR.cr);
+const PWR_CSR: u32 = register!(PWR.csr);
 /// DBP: the backup domain may be written to.
 const UNLOCK: u32 = 1 << 8;
 /// BRE: the regulator by which a battery keeps the contents.

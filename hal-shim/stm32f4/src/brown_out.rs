@@ -3,13 +3,15 @@
 
 use core::fmt;
 
+use ferrostep_register_address::register;
+
 use crate::rcc::{POWER_CLOCK, RCC_APB1ENR};
 use crate::registers::Registers;
 
 // RM0090, 3.9: option bytes.
-const FLASH_OPTKEYR: u32 = 0x4002_3c08;
-const FLASH_SR: u32 = 0x4002_3c0c;
-const FLASH_OPTCR: u32 = 0x4002_3c14;
+const FLASH_OPTKEYR: u32 = register!(FLASH.optkeyr);
+const FLASH_SR: u32 = register!(FLASH.sr);
+const FLASH_OPTCR: u32 = register!(FLASH.optcr);
 const KEYS: [u32; 2] = [0x0819_2a3b, 0x4c5d_6e7f];
 const BUSY: u32 = 1 << 16;
 const LOCK: u32 = 1 << 0;
@@ -18,8 +20,8 @@ const STRT: u32 = 1 << 1;
 const LEVEL: u32 = 0b11 << 2;
 
 // RM0090, 5.4: the supply's comparator.
-const PWR_CR: u32 = 0x4000_7000;
-const PWR_CSR: u32 = 0x4000_7004;
+const PWR_CR: u32 = register!(PWR.cr);
+const PWR_CSR: u32 = register!(PWR.csr);
 const PVDE: u32 = 1 << 4;
 /// Its highest level, 2.9 V.
 const PLS: u32 = 0b111 << 5;

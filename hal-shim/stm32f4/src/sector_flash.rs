@@ -10,6 +10,8 @@ use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
 };
 
+use ferrostep_register_address::register;
+
 use crate::registers::Registers;
 use crate::watchdog;
 
@@ -21,10 +23,10 @@ pub const SECTOR_BYTES: usize = 128 * 1024;
 const FLASH: u32 = 0x0800_0000;
 
 // RM0090, 3.9.
-const ACR: u32 = 0x4002_3c00;
-const KEYR: u32 = 0x4002_3c04;
-const SR: u32 = 0x4002_3c0c;
-const CR: u32 = 0x4002_3c10;
+const ACR: u32 = register!(FLASH.acr);
+const KEYR: u32 = register!(FLASH.keyr);
+const SR: u32 = register!(FLASH.sr);
+const CR: u32 = register!(FLASH.cr);
 const KEYS: [u32; 2] = [0x4567_0123, 0xcdef_89ab];
 const CACHES_ON: u32 = 1 << 9 | 1 << 10;
 const CACHES_EMPTY: u32 = 1 << 11 | 1 << 12;
