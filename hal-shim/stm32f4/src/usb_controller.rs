@@ -2,23 +2,25 @@
 //!
 //! Addresses and bits: RM0090 34.16, RM0390 31.15.
 
+use ferrostep_register_address::register;
+
 use crate::registers::Registers;
 
 /// Its clock in [`RCC_AHB2ENR`](crate::rcc::RCC_AHB2ENR).
 pub const CLOCK: u32 = 1 << 7;
 
 /// Device control.
-pub const DCTL: u32 = 0x5000_0804;
+pub const DCTL: u32 = register!(OTG_FS_DEVICE.dctl);
 /// Bit of [`DCTL`] that leaves the bus, as if the cable had been pulled (SDIS).
 pub const SOFT_DISCONNECT: u32 = 1 << 1;
 
-const GAHBCFG: u32 = 0x5000_0008;
+const GAHBCFG: u32 = register!(OTG_FS_GLOBAL.gahbcfg);
 /// GAHBCFG: the controller may interrupt.
 const GINT: u32 = 1 << 0;
-const GINTSTS: u32 = 0x5000_0014;
+const GINTSTS: u32 = register!(OTG_FS_GLOBAL.gintsts);
 /// GINTSTS: the host has reset the bus, and the speed is known.
 const ENUMDNE: u32 = 1 << 13;
-const DSTS: u32 = 0x5000_0808;
+const DSTS: u32 = register!(OTG_FS_DEVICE.dsts);
 /// DSTS: the speed; 11 is full speed, and the only one that this controller has.
 const ENUMSPD: u32 = 0b11 << 1;
 
