@@ -4,17 +4,19 @@
 //! bytes come back. Addresses and bits: RM0090 2.3 (memory map), 7.3.13 (RCC_APB1ENR), 8.4 (GPIO),
 //! 30.6 (USART); RM0390 is the same.
 
+use ferrostep_register_address::register;
+
 use crate::gpio::{self, AFRL, ALTERNATE, MODER, OTYPER, PULL_UP, PUPDR};
 use crate::rcc::{RCC_AHB1ENR, RCC_APB1ENR};
 use crate::registers::Registers;
 use ferrostep_tmc2209::{LineBusy, LineBytes, SingleWireUart};
 
 const USART2_CLOCK: u32 = 1 << 17;
-const USART2_SR: u32 = 0x4000_4400;
-const USART2_DR: u32 = 0x4000_4404;
-const USART2_BRR: u32 = 0x4000_4408;
-const USART2_CR1: u32 = 0x4000_440c;
-const USART2_CR3: u32 = 0x4000_4414;
+const USART2_SR: u32 = register!(USART2.sr);
+const USART2_DR: u32 = register!(USART2.dr);
+const USART2_BRR: u32 = register!(USART2.brr);
+const USART2_CR1: u32 = register!(USART2.cr1);
+const USART2_CR3: u32 = register!(USART2.cr3);
 
 const OVERRUN: u32 = 1 << 3;
 const RECEIVED: u32 = 1 << 5;

@@ -4,6 +4,8 @@
 //! Addresses and bits: RM0090 2.3 (memory map), 7.3.13 (RCC_APB1ENR), 8.4 (GPIO), 20.4 (TIM6 and
 //! TIM7); RM0390 is the same.
 
+use ferrostep_register_address::register;
+
 use crate::gpio::{self, BSRR, IDR, MODER, PULL_UP, PUPDR};
 use crate::rcc::{RCC_AHB1ENR, RCC_APB1ENR};
 use crate::registers::Registers;
@@ -11,11 +13,11 @@ use crate::software_serial::{PinAction, SoftwareSerial, TICKS_A_BIT};
 use ferrostep_tmc2209::{LineBusy, SingleWireUart};
 
 const TIM7_CLOCK: u32 = 1 << 5;
-const TIM7_CR1: u32 = 0x4000_1400;
-const TIM7_DIER: u32 = 0x4000_140c;
-const TIM7_SR: u32 = 0x4000_1410;
-const TIM7_CNT: u32 = 0x4000_1424;
-const TIM7_ARR: u32 = 0x4000_142c;
+const TIM7_CR1: u32 = register!(TIM7.cr1);
+const TIM7_DIER: u32 = register!(TIM7.dier);
+const TIM7_SR: u32 = register!(TIM7.sr);
+const TIM7_CNT: u32 = register!(TIM7.cnt);
+const TIM7_ARR: u32 = register!(TIM7.arr);
 
 /// Bits to listen for after a datagram: the longest delay of a reply, eight bytes, and a margin.
 const LISTENED_BITS: u16 = 200;

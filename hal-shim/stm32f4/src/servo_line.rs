@@ -11,18 +11,19 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use ferrostep_hal_shim::ServoPulses;
+use ferrostep_register_address::register;
 
 use crate::gpio::{self, BSRR};
 use crate::rcc::RCC_APB1ENR;
 use crate::registers::Registers;
 
 const TIM6_CLOCK: u32 = 1 << 4;
-const TIM6_CR1: u32 = 0x4000_1000;
-const TIM6_DIER: u32 = 0x4000_100c;
-const TIM6_SR: u32 = 0x4000_1010;
-const TIM6_EGR: u32 = 0x4000_1014;
-const TIM6_PSC: u32 = 0x4000_1028;
-const TIM6_ARR: u32 = 0x4000_102c;
+const TIM6_CR1: u32 = register!(TIM6.cr1);
+const TIM6_DIER: u32 = register!(TIM6.dier);
+const TIM6_SR: u32 = register!(TIM6.sr);
+const TIM6_EGR: u32 = register!(TIM6.egr);
+const TIM6_PSC: u32 = register!(TIM6.psc);
+const TIM6_ARR: u32 = register!(TIM6.arr);
 
 /// Present phase of the signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
