@@ -4,16 +4,18 @@
 //! 2.3 (memory map), 7.3.10 and 7.3.14 (RCC), 8.4 (GPIO), 9.2 (SYSCFG), 12.3 (EXTI); RM0390 is the
 //! same in all of it.
 
+use ferrostep_register_address::register;
+
 use crate::gpio::{IDR, MODER, PULL_UP, PUPDR, port};
 use crate::rcc::{RCC_AHB1ENR, RCC_APB2ENR};
 use crate::registers::Registers;
 
 const SYSCFG_CLOCK: u32 = 1 << 14;
-const SYSCFG_EXTICR1: u32 = 0x4001_3808;
-const EXTI_IMR: u32 = 0x4001_3c00;
-const EXTI_RTSR: u32 = 0x4001_3c08;
-const EXTI_FTSR: u32 = 0x4001_3c0c;
-const EXTI_PR: u32 = 0x4001_3c14;
+const SYSCFG_EXTICR1: u32 = register!(SYSCFG.exticr1);
+const EXTI_IMR: u32 = register!(EXTI.imr);
+const EXTI_RTSR: u32 = register!(EXTI.rtsr);
+const EXTI_FTSR: u32 = register!(EXTI.ftsr);
+const EXTI_PR: u32 = register!(EXTI.pr);
 
 /// Samples of a pin that must all agree, some tens of nanoseconds apart: a spike must not
 /// count as an end stop.
