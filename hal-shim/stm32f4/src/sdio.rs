@@ -18,26 +18,26 @@ use core::sync::atomic::{AtomicU32, Ordering, fence};
 
 use ferrostep_hal_shim::card::{Block, BlockCount, BlockDevice, BlockIdx, CardError, CardSlot};
 use ferrostep_planner::TICKS_PER_SECOND;
+use ferrostep_register_address::register;
 
 use crate::gpio::{self, IDR};
 use crate::rcc::{RCC_AHB1ENR, RCC_APB2ENR};
 use crate::registers::Registers;
 use answers::{Capacity, R1_ERRORS, capacity, is_in_transfer, is_ready_for_transfer};
 
-const SDIO: u32 = 0x4001_2c00;
-const POWER: u32 = SDIO;
-const CLKCR: u32 = SDIO + 0x04;
-const ARG: u32 = SDIO + 0x08;
-const CMD: u32 = SDIO + 0x0c;
-const RESP1: u32 = SDIO + 0x14;
-const RESP2: u32 = SDIO + 0x18;
-const RESP3: u32 = SDIO + 0x1c;
-const DTIMER: u32 = SDIO + 0x24;
-const DLEN: u32 = SDIO + 0x28;
-const DCTRL: u32 = SDIO + 0x2c;
-const STA: u32 = SDIO + 0x34;
-const ICR: u32 = SDIO + 0x38;
-const FIFO: u32 = SDIO + 0x80;
+const POWER: u32 = register!(SDIO.power);
+const CLKCR: u32 = register!(SDIO.clkcr);
+const ARG: u32 = register!(SDIO.arg);
+const CMD: u32 = register!(SDIO.cmd);
+const RESP1: u32 = register!(SDIO.resp1);
+const RESP2: u32 = register!(SDIO.resp2);
+const RESP3: u32 = register!(SDIO.resp3);
+const DTIMER: u32 = register!(SDIO.dtimer);
+const DLEN: u32 = register!(SDIO.dlen);
+const DCTRL: u32 = register!(SDIO.dctrl);
+const STA: u32 = register!(SDIO.sta);
+const ICR: u32 = register!(SDIO.icr);
+const FIFO: u32 = register!(SDIO.fifo);
 
 /// POWER: on.
 const POWER_ON: u32 = 0b11;
@@ -74,13 +74,13 @@ const BLOCKS_OF_512: u32 = 9 << 4;
 const CLOCKS_PER_MS: u32 = 12_000;
 
 // RM0090, 10.5: DMA2, stream 3, whose channel 4 is the SDIO's (table 43).
-const LISR: u32 = 0x4002_6400;
-const LIFCR: u32 = 0x4002_6408;
-const S3CR: u32 = 0x4002_6458;
-const S3NDTR: u32 = 0x4002_645c;
-const S3PAR: u32 = 0x4002_6460;
-const S3M0AR: u32 = 0x4002_6464;
-const S3FCR: u32 = 0x4002_646c;
+const LISR: u32 = register!(DMA2.lisr);
+const LIFCR: u32 = register!(DMA2.lifcr);
+const S3CR: u32 = register!(DMA2.st[3].cr);
+const S3NDTR: u32 = register!(DMA2.st[3].ndtr);
+const S3PAR: u32 = register!(DMA2.st[3].par);
+const S3M0AR: u32 = register!(DMA2.st[3].m0ar);
+const S3FCR: u32 = register!(DMA2.st[3].fcr);
 const STREAM_ENABLE: u32 = 1 << 0;
 /// Channel 4, bursts of four words on both sides, low priority (the thermistors' stream has the
 /// medium one), words, memory increments, and the SDIO says when it ends.
