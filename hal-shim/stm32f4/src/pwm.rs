@@ -1,5 +1,7 @@
 //! Heaters and fans: a timer channel where the pin has one, else [`SoftwarePwm`].
 
+use ferrostep_register_address::register;
+
 use super::SoftwarePwm;
 use crate::gpio::{AFRL, ALTERNATE, BSRR, MODER, port};
 use crate::rcc::{RCC_APB1ENR, RCC_APB2ENR};
@@ -17,15 +19,15 @@ pub const FAN_HZ: u32 = 100;
 const STEPS: u32 = 1000;
 
 // RM0090, 17.4 and 18.4: timers.
-const CR1: u32 = 0x00;
-const DIER: u32 = 0x0c;
-const EGR: u32 = 0x14;
-const CCMR1: u32 = 0x18;
-const CCER: u32 = 0x20;
-const PSC: u32 = 0x28;
-const ARR: u32 = 0x2c;
-const CCR1: u32 = 0x34;
-const BDTR: u32 = 0x44;
+const CR1: u32 = register!(TIM1.cr1) - register!(TIM1);
+const DIER: u32 = register!(TIM1.dier) - register!(TIM1);
+const EGR: u32 = register!(TIM1.egr) - register!(TIM1);
+const CCMR1: u32 = register!(TIM1.ccmr1_output) - register!(TIM1);
+const CCER: u32 = register!(TIM1.ccer) - register!(TIM1);
+const PSC: u32 = register!(TIM1.psc) - register!(TIM1);
+const ARR: u32 = register!(TIM1.arr) - register!(TIM1);
+const CCR1: u32 = register!(TIM1.ccr[0]) - register!(TIM1);
+const BDTR: u32 = register!(TIM1.bdtr) - register!(TIM1);
 /// PWM mode 1: high while the counter is below the compare value. No preload: off must act at once.
 const PWM_MODE: u32 = 0b110 << 4;
 /// BDTR: the outputs of TIM1 and TIM8 are their channels'.
@@ -52,15 +54,15 @@ pub struct TimerChannel {
 /// map), 7.3.13 and 7.3.14 (clocks); DS8626, table 9 (alternate functions). TIM2, TIM5 and TIM9 are
 /// left out: they make the steps.
 const TIMERS: [(&str, u32, u8, u8, bool); 9] = [
-    ("TIM1", 0x4001_0000, 1, 0, true),
-    ("TIM3", 0x4000_0400, 2, 1, false),
-    ("TIM4", 0x4000_0800, 2, 2, false),
-    ("TIM8", 0x4001_0400, 3, 1, true),
-    ("TIM10", 0x4001_4400, 3, 17, true),
-    ("TIM11", 0x4001_4800, 3, 18, true),
-    ("TIM12", 0x4000_1800, 9, 6, false),
-    ("TIM13", 0x4000_1c00, 9, 7, false),
-    ("TIM14", 0x4000_2000, 9, 8, false),
+    ("TIM1", register!(TIM1), 1, 0, true),
+    ("TIM3", register!(TIM3), 2, 1, false),
+    ("TIM4", register!(TIM4), 2, 2, false),
+    ("TIM8", register!(TIM8), 3, 1, true),
+    ("TIM10", register!(TIM10), 3, 17, true),
+    ("TIM11", register!(TIM11), 3, 18, true),
+    ("TIM12", register!(TIM12), 9, 6, false),
+    ("TIM13", register!(TIM13), 9, 7, false),
+    ("TIM14", register!(TIM14), 9, 8, false),
 ];
 
 impl TimerChannel {
