@@ -2,6 +2,7 @@
 
 use core::sync::atomic::{AtomicU16, Ordering};
 use ferrostep_hal_shim::Heater;
+use ferrostep_register_address::register;
 
 use crate::rcc::{RCC_AHB1ENR, RCC_APB2ENR, is_on_pll};
 use crate::registers::Registers;
@@ -30,18 +31,18 @@ const FIRST_READING_LOOKS: u32 = 200_000;
 const STREAM_OFF_LOOKS: u32 = 1_000;
 
 // RM0090, 13.13: ADC registers.
-const ADC1: u32 = 0x4001_2000;
-const ADC3: u32 = 0x4001_2200;
-const ADC_CCR: u32 = 0x4001_2304;
-const SR: u32 = 0x00;
-const CR1: u32 = 0x04;
-const CR2: u32 = 0x08;
-const SMPR1: u32 = 0x0c;
-const SMPR2: u32 = 0x10;
-const SQR1: u32 = 0x2c;
-const SQR2: u32 = 0x30;
-const SQR3: u32 = 0x34;
-const DR: u32 = 0x4c;
+const ADC1: u32 = register!(ADC1);
+const ADC3: u32 = register!(ADC3);
+const ADC_CCR: u32 = register!(ADC_COMMON.ccr);
+const SR: u32 = register!(ADC1.sr) - ADC1;
+const CR1: u32 = register!(ADC1.cr1) - ADC1;
+const CR2: u32 = register!(ADC1.cr2) - ADC1;
+const SMPR1: u32 = register!(ADC1.smpr1) - ADC1;
+const SMPR2: u32 = register!(ADC1.smpr2) - ADC1;
+const SQR1: u32 = register!(ADC1.sqr1) - ADC1;
+const SQR2: u32 = register!(ADC1.sqr2) - ADC1;
+const SQR3: u32 = register!(ADC1.sqr3) - ADC1;
+const DR: u32 = register!(ADC1.dr) - ADC1;
 /// SR: a conversion was lost, and none has been handed over since.
 const OVR: u32 = 1 << 5;
 /// CR1: the whole sequence, 12 bits.
@@ -65,13 +66,13 @@ const MAX_SAMPLING: u32 = 0x3fff_ffff;
 const MAX_SAMPLING_HIGH: u32 = 0x07ff_ffff;
 
 // RM0090, 10.5: DMA2, stream 0, which serves ADC1 (channel 0) and ADC3 (channel 2): table 43.
-const LISR: u32 = 0x4002_6400;
-const LIFCR: u32 = 0x4002_6408;
-const S0CR: u32 = 0x4002_6410;
-const S0NDTR: u32 = 0x4002_6414;
-const S0PAR: u32 = 0x4002_6418;
-const S0M0AR: u32 = 0x4002_641c;
-const S0FCR: u32 = 0x4002_6424;
+const LISR: u32 = register!(DMA2.lisr);
+const LIFCR: u32 = register!(DMA2.lifcr);
+const S0CR: u32 = register!(DMA2.st[0].cr);
+const S0NDTR: u32 = register!(DMA2.st[0].ndtr);
+const S0PAR: u32 = register!(DMA2.st[0].par);
+const S0M0AR: u32 = register!(DMA2.st[0].m0ar);
+const S0FCR: u32 = register!(DMA2.st[0].fcr);
 const STREAM_ENABLE: u32 = 1 << 0;
 /// Circular, memory increments, halves of a word on both sides, medium priority,
 /// from the peripheral.
