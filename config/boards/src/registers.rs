@@ -10,7 +10,8 @@ use crate::pin::Pin;
 use crate::start::as_after_reset;
 use crate::store::Store;
 
-/// Addresses: PM0214 4.2, 4.3.3, 4.4, 4.5 (the core's own).
+// Addresses: PM0214 4.2, 4.3.3, 4.4, 4.5. They are the core's own, which the chip's register
+// description leaves to `cortex-m`, and that one names them by pointers, for the chip only.
 const SYST_CSR: u32 = 0xe000_e010;
 const NVIC_ICER: u32 = 0xe000_e180;
 const NVIC_ICPR: u32 = 0xe000_e280;

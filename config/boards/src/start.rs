@@ -6,26 +6,43 @@
 //! power control, which must not be reset while a loader's PLL runs. The backup domain and the
 //! flags that say why the chip was reset are left alone.
 
-use ferrostep_stm32f4::rcc::RCC;
+use ferrostep_register_address::register;
 
 use crate::chip::Chip;
 use crate::store::Store;
 
-/// AHB1, AHB2, AHB3, APB1, APB2: each register of a kind has one for each of them.
-const BUS_OFFSETS: [u32; 5] = [0x00, 0x04, 0x08, 0x10, 0x14];
+/// Resets of the parts of AHB1, AHB2, AHB3, APB1 and APB2.
+const RESETS: [u32; 5] = [
+    register!(RCC.ahb1rstr),
+    register!(RCC.ahb2rstr),
+    register!(RCC.ahb3rstr),
+    register!(RCC.apb1rstr),
+    register!(RCC.apb2rstr),
+];
 
-/// Resets of the buses' parts, their clocks, and their clocks while the core sleeps.
-const RSTR: u32 = RCC + 0x10;
-const ENR: u32 = RCC + 0x30;
-const LPENR: u32 = RCC + 0x50;
+/// Clocks of the same buses' parts.
+const CLOCKS: [u32; 5] = [
+    register!(RCC.ahb1enr),
+    register!(RCC.ahb2enr),
+    register!(RCC.ahb3enr),
+    register!(RCC.apb1enr),
+    register!(RCC.apb2enr),
+];
+
+/// Clocks of the same buses' parts while the core sleeps.
+const CLOCKS_IN_SLEEP: [u32; 5] = [
+    register!(RCC.ahb1lpenr),
+    register!(RCC.ahb2lpenr),
+    register!(RCC.ahb3lpenr),
+    register!(RCC.apb1lpenr),
+    register!(RCC.apb2lpenr),
+];
 
 /// Clock of the core-coupled memory (bit 20 of RCC_AHB1ENR), on after reset.
 const AHB1ENR_AT_RESET: u32 = 1 << 20;
 
-const EXTI: u32 = 0x4001_3c00;
-/// IMR, EMR, RTSR, FTSR.
-const EXTI_SETTINGS: [u32; 4] = [0x00, 0x04, 0x08, 0x0c];
-const EXTI_PR: u32 = EXTI + 0x14;
+const EXTI_SETTINGS: [u32; 4] = [register!(EXTI.imr), register!(EXTI.emr), register!(EXTI.rtsr), register!(EXTI.ftsr)];
+const EXTI_PR: u32 = register!(EXTI.pr);
 /// Lines 0 to 22.
 const EXTI_LINES: u32 = 0x007f_ffff;
 
@@ -33,16 +50,17 @@ const EXTI_LINES: u32 = 0x007f_ffff;
 /// (`ports`, a mask).
 pub fn as_after_reset(chip: Chip, ports: u32) -> Vec<Store> {
     let mut stores = Vec::new();
-    for (offset, parts) in BUS_OFFSETS.into_iter().zip(chip.buses.parts) {
-        stores.extend([parts, 0].map(|word| Store::word(RSTR + offset, word)));
+    for (reset, parts) in RESETS.into_iter().zip(chip.buses.parts) {
+        stores.extend([parts, 0].map(|word| Store::word(reset, word)));
     }
-    let clocks = [AHB1ENR_AT_RESET | ports, 0, 0, 0, 0];
-    for ((offset, clocks), in_sleep) in BUS_OFFSETS.into_iter().zip(clocks).zip(chip.buses.in_sleep) {
-        stores.push(Store::word(ENR + offset, clocks));
-        stores.push(Store::word(LPENR + offset, in_sleep));
+    let on = [AHB1ENR_AT_RESET | ports, 0, 0, 0, 0];
+    let clocks = CLOCKS.into_iter().zip(on);
+    for ((clocks, on), (in_sleep, parts)) in clocks.zip(CLOCKS_IN_SLEEP.into_iter().zip(chip.buses.in_sleep)) {
+        stores.push(Store::word(clocks, on));
+        stores.push(Store::word(in_sleep, parts));
     }
     // No bit of the RCC resets these registers.
-    stores.extend(EXTI_SETTINGS.map(|offset| Store::word(EXTI + offset, 0)));
+    stores.extend(EXTI_SETTINGS.map(|setting| Store::word(setting, 0)));
     stores.push(Store::word(EXTI_PR, EXTI_LINES));
     stores
 }
