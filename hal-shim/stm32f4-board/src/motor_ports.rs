@@ -1,6 +1,7 @@
 //! A board's motors, and the ports that carry their signals.
 
 use ferrostep_step_player::{OutputPorts, Pin};
+use ferrostep_stm32f4::gpio::{self, BSRR};
 
 /// A board's motors.
 pub trait Motors<const PORTS: usize> {
@@ -52,8 +53,7 @@ impl MotorPort {
     /// # Safety
     /// The caller may write to the pins that it will write to.
     pub(crate) const unsafe fn of(index: u8) -> Self {
-        const BSRR: u32 = 0x4002_0018;
-        Self { bsrr: (BSRR + 0x400 * index as u32) as *mut u32 }
+        Self { bsrr: (gpio::port(index) + BSRR) as *mut u32 }
     }
 
     /// A store to BSRR sets and resets pins at once, without a read.

@@ -6,7 +6,7 @@ use ferrostep_register_address::register;
 use crate::rcc::{POWER_CLOCK, RCC_AHB1ENR, RCC_APB1ENR};
 use crate::registers::Registers;
 
-/// First address (RM0090 2.3, table 1).
+/// First address (RM0090 2.3, table 1); the register description names no memory.
 pub const BACKUP_MEMORY: u32 = 0x4002_4000;
 
 /// Its clock, in RCC_AHB1ENR (RM0090 7.3.10).

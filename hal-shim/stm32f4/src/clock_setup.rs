@@ -18,7 +18,8 @@ const PLLCFGR: u32 = register!(RCC.pllcfgr);
 const CIR: u32 = register!(RCC.cir);
 const SSCGR: u32 = register!(RCC.sscgr);
 /// Prescaler of all timers (TIMPRE), clock gating, and what USB's 48 MHz come from (CK48MSEL):
-/// an STM32F446 only.
+/// an STM32F446 only (RM0390 6.3.25 to 6.3.27), so that the description that the desk uses lacks
+/// them.
 const DCKCFGR: u32 = RCC + 0x8c;
 const CKGATENR: u32 = RCC + 0x90;
 const DCKCFGR2: u32 = RCC + 0x94;
