@@ -61,6 +61,92 @@ macro_rules! register {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
+    use std::fs;
+    use std::path::{Path, PathBuf};
+    use std::string::String;
+    use std::vec::Vec;
+
+    /// Files that may contain a typed address, with the number of lines: the backup SRAM is no
+    /// register, and the core's registers are not the chip's.
+    const TYPED: [(&str, usize); 2] =
+        [("config/boards/src/registers.rs", 7), ("hal-shim/stm32f4/src/backup_memory.rs", 1)];
+
+    /// Files that are tests as a whole.
+    const TESTS: [&str; 3] = ["tests.rs", "late_clocks.rs", "mini_drivers.rs"];
+
+    /// Folders whose code reaches registers.
+    const FOLDERS: [&str; 5] =
+        ["app", "config/boards/src", "hal-shim/stm32f4/src", "hal-shim/stm32f4-board/src", "hal-shim/stm32f4-usb/src"];
+
+    /// The sources of a folder, without tests that are files of their own.
+    fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                sources(&path, found);
+            } else if path.extension().is_some_and(|kind| kind == "rs")
+                && !TESTS.iter().any(|name| path.ends_with(name))
+            {
+                found.push(path);
+            }
+        }
+    }
+
+    /// A file without its module of tests; a test that is only named, `mod tests;`, ends nothing.
+    fn product(text: &str) -> impl Iterator<Item = &str> {
+        let is_named = |part: &str| part.lines().next().is_some_and(|line| line.ends_with(';'));
+        text.split("#[cfg(test)]\n")
+            .enumerate()
+            .take_while(move |(place, part)| *place == 0 || is_named(part))
+            .map(|(_, part)| part)
+    }
+
+    /// Returns true if a line contains an address of the chip's or the core's registers (RM0090
+    /// 2.3: 0x400x_xxxx, 0x500x_xxxx and 0xe00x_xxxx).
+    fn has_address(line: &str) -> bool {
+        line.split("0x").skip(1).any(|after| {
+            let digits: String = after.chars().filter(|letter| *letter != '_').take(8).collect();
+            let Ok(number) = u32::from_str_radix(&digits, 16) else { return false };
+            digits.len() == 8 && matches!(number >> 20, 0x400 | 0x500 | 0xe00)
+        })
+    }
+
+    /// RM0090's addresses that tests expect are typed on purpose; all other code has names.
+    #[test]
+    fn no_register_is_typed_by_hand() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap();
+        let mut found = Vec::new();
+        for folder in FOLDERS {
+            sources(&root.join(folder), &mut found);
+        }
+        assert!(found.len() > 60, "{} files", found.len());
+        let mut typed = Vec::new();
+        for path in found {
+            let text = fs::read_to_string(&path).unwrap();
+            let product = product(&text);
+            let lines = product
+                .flat_map(str::lines)
+                .filter(|line| !line.trim_start().starts_with("//") && has_address(line))
+                .count();
+            if lines > 0 {
+                let name = path.strip_prefix(root).unwrap().to_str().unwrap().replace('\\', "/");
+                typed.push((name, lines));
+            }
+        }
+        typed.sort();
+        assert_eq!(typed, TYPED.map(|(name, lines)| (String::from(name), lines)));
+    }
+
+    #[test]
+    fn addresses_are_told_from_other_numbers() {
+        assert!(has_address("const KR: u32 = 0x4000_3000;"));
+        assert!(has_address("(0xe000_ed04, 1)"));
+        assert!(!has_address("const KEYS: [u32; 2] = [0x0819_2a3b, 0xcdef_89ab];"));
+        assert!(!has_address("const LINES: u32 = 0x5555;"));
+    }
+
     /// RM0090, 2.3 and the peripherals' register maps.
     #[test]
     fn addresses_are_the_manuals() {
