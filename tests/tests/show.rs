@@ -5,4 +5,5 @@
 mod comparisons;
 mod kinds;
 mod pages;
+mod rules;
 mod values;

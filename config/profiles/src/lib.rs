@@ -95,9 +95,17 @@ pub fn text(name_or_path: &str) -> Result<String, ProfileError> {
 /// The first problem found: TOML syntax, then unknown, missing or mistyped keys, then values out of
 /// their range, then values that contradict each other.
 pub fn parse(text: &str, origin: &str) -> Result<Profile, ProfileError> {
-    let Checked { value: Machine { profile, texts, .. }, hash } = read(text, origin)?;
+    parse_with_rules(text, origin).map(|(profile, _)| profile)
+}
+
+/// Parses a profile as [`parse`] does, with the rules that the printer's moves are planned by.
+///
+/// # Errors
+/// As [`parse`].
+pub fn parse_with_rules(text: &str, origin: &str) -> Result<(Profile, RuleKeys), ProfileError> {
+    let Checked { value: Machine { profile, texts, rules, .. }, hash } = read(text, origin)?;
     let [name, model_names, macros] = texts.map(|text| &*Box::leak(text.into_boxed_str()));
-    Ok(Profile { name, model_names, macros, plan_hash: hash, ..profile })
+    Ok((Profile { name, model_names, macros, plan_hash: hash, ..profile }, rules))
 }
 
 /// Reads the error budget and the frame from a profile's text. The accelerations that follow from
@@ -107,14 +115,6 @@ pub fn parse(text: &str, origin: &str) -> Result<Profile, ProfileError> {
 /// As [`parse`].
 pub fn error_budget(text: &str, origin: &str) -> Result<ErrorBudget, ProfileError> {
     Ok(read(text, origin)?.value.budget)
-}
-
-/// Reads from a profile's text by which firmware's rules a print is planned.
-///
-/// # Errors
-/// As [`parse`].
-pub fn rules(text: &str, origin: &str) -> Result<RuleKeys, ProfileError> {
-    Ok(read(text, origin)?.value.rules)
 }
 
 fn read(text: &str, origin: &str) -> Result<Checked<Machine>, ProfileError> {

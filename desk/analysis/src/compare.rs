@@ -6,10 +6,10 @@ use std::io::Read;
 use std::path::Path;
 
 use ferrostep_host::printable::one_line;
-use ferrostep_printer::Profile;
 use ferrostep_session::JobReplies;
 use ferrostep_session::duration::hms;
 use ferrostep_session::input::Input;
+use ferrostep_session::rules::RuledMachine;
 use ferrostep_show::{Kind, Row, write_comparison, write_page};
 use ferrostep_simulator::frame::FrameSettings;
 use ferrostep_simulator::measures::ContourError;
@@ -23,12 +23,12 @@ use crate::sweep;
 use crate::without_commands::{Dropped, WithoutCommands};
 
 /// A print of the two.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Asked<'a> {
     /// The job.
     pub file: &'a Path,
-    /// Its machine.
-    pub profile: Profile,
+    /// Its machine. Another firmware's rules make no steps, and have no contour error.
+    pub machine: RuledMachine,
     /// Keys of the machine's profile that were changed, with their values.
     pub changes: &'a [(String, f64)],
 }
@@ -40,6 +40,9 @@ pub struct Side {
     pub file: String,
     /// Name of the machine.
     pub profile: String,
+    /// The rules of another firmware that planned it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rules: Option<&'static str>,
     /// Keys of its profile that were changed, with their values.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub changes: BTreeMap<String, f64>,
@@ -63,8 +66,10 @@ pub struct Side {
     pub retractions: u64,
     /// Moves that were slowed because the board could not keep up with them.
     pub slowed_moves: u64,
-    /// Farthest that the motors' path is from the one asked for, while printing, mm.
-    pub max_deviation_mm: f64,
+    /// Farthest that the motors' path is from the one asked for, while printing, mm; missing by
+    /// rules that make no steps.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_deviation_mm: Option<f64>,
     /// Distance of the nozzle from that path on a frame that rings; missing without frequencies.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contour_error_um: Option<ContourError>,
@@ -104,7 +109,7 @@ pub fn compare(asked: [Asked<'_>; 2], keys: &[String], frequency_hz: Option<[f64
 }
 
 fn side(asked: Asked<'_>, keys: &[String], frequency_hz: Option<[f64; 2]>) -> Result<(Side, String), String> {
-    let Asked { file, profile, changes } = asked;
+    let Asked { file, machine: RuledMachine { profile, by }, changes } = asked;
     let name = ferrostep_session::input::name(file);
     let open = || Input::open(file).map_err(|error| format!("{name}: {error}"));
     let mut input = open()?;
@@ -114,7 +119,7 @@ fn side(asked: Asked<'_>, keys: &[String], frequency_hz: Option<[f64; 2]>) -> Re
     let dropped = sweep::dropped(keys);
     let dropped = if keys.is_empty() { Dropped::new(Vec::new()) } else { dropped };
     let replies = JobReplies::new(|_: &str| {});
-    let shown = recording::record_without(&dropped, profile, &mut input, MAX_NODES, replies, |_, _| {})
+    let shown = recording::record_without(&dropped, profile, by, &mut input, MAX_NODES, replies, |_, _| {})
         .map_err(|error| format!("{name}: {error}"))?;
     let slicer_time_s = input.description().and_then(|said| Some(said.figures.time_s?.into()));
     let job = shown.job(file, &profile, slicer_time_s, Vec::new());
@@ -139,6 +144,7 @@ fn side(asked: Asked<'_>, keys: &[String], frequency_hz: Option<[f64; 2]>) -> Re
     let side = Side {
         file: job.file,
         profile: job.profile,
+        rules: shown.rules.as_ref().map(|rules| rules.name),
         changes: changes.iter().cloned().collect(),
         print_time_s: job.print_time_s,
         printing_s: printing.time_s,
@@ -150,7 +156,7 @@ fn side(asked: Asked<'_>, keys: &[String], frequency_hz: Option<[f64; 2]>) -> Re
         filament_mm: job.filament_mm,
         retractions: totals.retractions,
         slowed_moves: shown.figures.slowed_moves,
-        max_deviation_mm: totals.greatest_deviation.value,
+        max_deviation_mm: shown.rules.is_none().then_some(totals.greatest_deviation.value),
         contour_error_um,
         stopped: shown.stopped.as_ref().map(ToString::to_string),
     };
@@ -161,7 +167,8 @@ impl Side {
     /// File, machine and what was changed.
     fn name(&self) -> String {
         let changes: String = self.changes.iter().map(|(key, value)| format!(", {key} = {value}")).collect();
-        format!("{} on {}{changes}", self.file, self.profile)
+        let rules = self.rules.map(|rules| format!(" by the rules of {rules}")).unwrap_or_default();
+        format!("{} on {}{rules}{changes}", self.file, self.profile)
     }
 }
 
@@ -190,7 +197,7 @@ fn rows(a: &Side, b: &Side) -> Vec<Row> {
     row("filament", &|side| Some(side.filament_mm / 1000.0), &number(3, "m"));
     row("retractions", &|side| Some(side.retractions as f64), &number(0, ""));
     row("slowed moves", &|side| Some(side.slowed_moves as f64), &number(0, ""));
-    row("off the path", &|side| Some(side.max_deviation_mm), &number(3, "mm"));
+    row("off the path", &|side| side.max_deviation_mm, &number(3, "mm"));
     row("error, rms", &|side| Some(side.contour_error_um?.rms), &number(1, "µm"));
     row("error, 99 %", &|side| Some(side.contour_error_um?.p99), &number(1, "µm"));
     row("error, max", &|side| Some(side.contour_error_um?.max), &number(1, "µm"));

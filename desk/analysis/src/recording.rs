@@ -12,19 +12,21 @@ use ferrostep_planner::surface::Mesh;
 use ferrostep_planner::{Move, StepObserver, TICKS_PER_SECOND};
 use ferrostep_printer::{HeaterStatus, Heating, Ports, Printer, Profile, Replies};
 use ferrostep_session::command_code::code;
-use ferrostep_session::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS, LimitFactors, MotionState};
+use ferrostep_session::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS, LimitFactors, MotionState, QueueMachine};
 use ferrostep_session::gpre;
 use ferrostep_session::input::{self, Input};
 use ferrostep_session::job::{self, JobError, JobProgress, Onlooker};
+use ferrostep_session::limit_shares::LimitShare;
 use ferrostep_session::macros::Macros;
 use ferrostep_session::record::Observer;
 use ferrostep_session::remarks::{Remark, RemarkKind};
 use ferrostep_session::report::Stop;
+use ferrostep_session::rules::{ByRules, Piece, PlanObserver};
 use ferrostep_session::watch::Watch;
-use ferrostep_session::{JobReplies, PrintSession, Session};
+use ferrostep_session::{JobReplies, Session};
 use ferrostep_show::{
-    Chamber, Finding, Job, LineState, Machine, Marked, Outcome, PlannedMove, Recorder, Recording, Remarked, SourceText,
-    Surface, Temperature, Text, Weight,
+    Chamber, ExecutedMove, Finding, Job, LimitTime, LineState, Machine, Marked, Outcome, Phase, PlannedMove, Recorder,
+    Recording, Remarked, RulesShown, SourceText, Surface, Temperature, Text, Weight,
 };
 use ferrostep_simulator::nozzle::{NozzleError, NozzleSettings};
 
@@ -43,19 +45,22 @@ const MEASURING: [&str; 2] = ["G29", "M420"];
 /// Commands that wait for a heater.
 const HEATING: [&str; 4] = ["M109", "M116", "M190", "M191"];
 
+/// A record that its observer and the lines of the job share.
+type Shared = Rc<RefCell<Recorder>>;
+
 /// Hands the steps of a print to the record as they are made.
-struct ShowObserver(Recorder);
+struct ShowObserver(Shared);
 
 impl StepObserver for ShowObserver {
     #[inline]
     fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
-        self.0.stepped(tick, axes, directions);
+        self.0.borrow_mut().stepped(tick, axes, directions);
     }
 }
 
 impl Observer for ShowObserver {
     fn planned(&mut self, taken: &Move, slowed_moves: u64) {
-        self.0.planned(&PlannedMove {
+        self.0.borrow_mut().planned(&PlannedMove {
             target_mm: taken.target_10nm.map(|units| units as f64 / UNITS_PER_MM as f64),
             filament_mm: taken.filament_100pm as f64 / FILAMENT_UNITS_PER_MM as f64,
             line: taken.line,
@@ -65,17 +70,46 @@ impl Observer for ShowObserver {
     }
 
     fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]) {
-        self.0.redefined(tick, motor_steps);
+        self.0.borrow_mut().redefined(tick, motor_steps);
     }
 
     fn move_ended(&mut self, tick: u64, line: u32) {
-        self.0.move_ended(tick, line);
+        self.0.borrow_mut().move_ended(tick, line);
+    }
+}
+
+/// Hands the moves that another firmware's rules have planned to the record.
+struct PlanShown {
+    recorder: Shared,
+    limits: Rc<RefCell<Vec<&'static str>>>,
+}
+
+impl PlanObserver for PlanShown {
+    fn ran(&mut self, piece: &Piece) {
+        let limits = &mut *self.limits.borrow_mut();
+        let phases = piece.phases.map(|phase| {
+            let known = limits.iter().position(|limit| *limit == phase.limit);
+            let index = known.unwrap_or_else(|| {
+                limits.push(phase.limit);
+                limits.len() - 1
+            });
+            let limit = u8::try_from(index + 1).unwrap_or(0);
+            Phase { seconds: phase.seconds, speeds_mm_per_s: phase.speeds_mm_per_s, limit }
+        });
+        let Piece { line, start_mm, displacement_mm, feed_mm_per_s, .. } = *piece;
+        self.recorder.borrow_mut().ran(&ExecutedMove { line, start_mm, displacement_mm, feed_mm_per_s, phases });
+    }
+
+    fn stands(&mut self, tick: u64, position_mm: [f64; 3]) {
+        self.recorder.borrow_mut().stands(tick, position_mm);
     }
 }
 
 /// Notes the state of the file at each line.
-struct Lines<'a, R> {
-    session: &'a PrintSession<ShowObserver, R>,
+struct Lines<'a> {
+    recorder: &'a RefCell<Recorder>,
+    /// The machine whose Z follows the bed; `None` where no steps are made.
+    machine: Option<&'a RefCell<QueueMachine>>,
     text: Rc<RefCell<Text>>,
     state: LineState,
     line: u32,
@@ -86,7 +120,7 @@ struct Lines<'a, R> {
     heats: &'a RefCell<Option<bool>>,
 }
 
-impl<R: Replies, P: Ports> Onlooker<P> for Lines<'_, R> {
+impl<P: Ports> Onlooker<P> for Lines<'_> {
     fn begins(&mut self, _: &Printer<'_, P>, line: u32, text: &str) {
         self.line = line;
         let Marked { layer, feature, height_mm, width_mm } = self.text.borrow_mut().at(line);
@@ -96,13 +130,12 @@ impl<R: Replies, P: Ports> Onlooker<P> for Lines<'_, R> {
         // Lines that a macro stands for may heat or not.
         let is_macro = code(text).bytes().take(2).all(|byte| byte.is_ascii_alphabetic() || byte == b'_');
         *self.heats.borrow_mut() = (!is_macro).then(|| is_one_of(&HEATING));
-        let state = self.state;
-        self.session.desk().with_observer(|observer| {
-            observer.0.executes(line);
-            if state.homes {
-                observer.0.note_state(line, state);
-            }
-        });
+        let mut recorder = self.recorder.borrow_mut();
+        recorder.executes(line);
+        // The first chords of an arc may be executed before all of it is planned.
+        if self.state.homes || self.machine.is_none() {
+            recorder.note_state(line, self.state);
+        }
     }
 
     fn ended(&mut self, printer: &Printer<'_, P>) {
@@ -110,16 +143,16 @@ impl<R: Replies, P: Ports> Onlooker<P> for Lines<'_, R> {
         let (tool, nozzle_10nm) = printer.tool_in_use();
         (self.state.tool, self.state.nozzle_mm) = (tool, nozzle_10nm.map(millimetres));
         self.follow_bed(nozzle_10nm);
-        let (line, state) = (self.line, self.state);
-        self.session.desk().with_observer(|observer| observer.0.note_state(line, state));
+        self.recorder.borrow_mut().note_state(self.line, self.state);
     }
 }
 
-impl<R: Replies> Lines<'_, R> {
+impl Lines<'_> {
     /// Tells the record of the surface that Z follows, if the line has changed it; the motors
     /// are at rest then.
     fn follow_bed(&mut self, nozzle_10nm: [i64; 3]) {
-        let mut machine = self.session.desk().state().borrow_mut();
+        let Some(machine) = self.machine else { return };
+        let mut machine = machine.borrow_mut();
         let follows = machine.follows_bed();
         if std::mem::replace(&mut self.follows, follows) == follows && !(self.measures && machine.is_idle()) {
             return;
@@ -127,7 +160,7 @@ impl<R: Replies> Lines<'_, R> {
         let mesh = if follows { machine.mesh().map(|mesh| mesh.clone()) } else { None };
         drop(machine);
         let surface = mesh.map(|mesh| surface(mesh, nozzle_10nm));
-        self.session.desk().with_observer(|observer| observer.0.follow(surface));
+        self.recorder.borrow_mut().follow(surface);
     }
 }
 
@@ -166,6 +199,8 @@ pub struct Shown {
     pub filament_mm: f64,
     /// Remarks on lines and on the end.
     pub remarks: Vec<Remark>,
+    /// The rules of another firmware that planned the motion.
+    pub rules: Option<RulesShown>,
     /// Error that stopped the job early.
     pub stopped: Option<JobError>,
 }
@@ -184,37 +219,78 @@ fn machine(profile: &Profile, max_nodes: usize) -> Machine {
     }
 }
 
-/// Prints a job on the virtual board and records it; `look` is called from time to time. A job that
-/// stops is recorded up to there.
+/// Prints a job on the virtual board, or plans it by another firmware's rules, and records it;
+/// `look` is called from time to time. A job that stops is recorded up to there.
 ///
 /// # Errors
 /// The nozzle's numbers are out of range.
 pub fn record(
     profile: Profile,
+    by: Option<ByRules>,
     input: &mut Input,
     max_nodes: usize,
     replies: JobReplies<'_>,
     look: impl FnMut(&JobProgress, &Figures),
 ) -> Result<Shown, NozzleError> {
-    record_without(&Dropped::new(Vec::new()), profile, input, max_nodes, replies, look)
+    record_without(&Dropped::new(Vec::new()), profile, by, input, max_nodes, replies, look)
 }
 
 /// Records a job as [`record`] does, without some of its commands.
 pub(crate) fn record_without(
     dropped: &Dropped,
     profile: Profile,
+    by: Option<ByRules>,
     input: &mut Input,
     max_nodes: usize,
     replies: JobReplies<'_>,
-    mut look: impl FnMut(&JobProgress, &Figures),
+    look: impl FnMut(&JobProgress, &Figures),
 ) -> Result<Shown, NozzleError> {
-    let recorder = Recorder::new(machine(&profile, max_nodes))?;
-    let session = Session::print(profile, LOOK_AHEAD_BLOCKS, ShowObserver(recorder), replies);
+    let machine = machine(&profile, max_nodes);
+    let Some(by) = by else {
+        let recorder = Rc::new(RefCell::new(Recorder::new(machine)?));
+        let observer = ShowObserver(Rc::clone(&recorder));
+        let session = Session::print(profile, LOOK_AHEAD_BLOCKS, observer, replies);
+        let shown = run(&session, &recorder, Some(session.desk().state()), dropped, input, look);
+        drop(session);
+        return Ok(finished(shown, recorder));
+    };
+    let recorder = Rc::new(RefCell::new(Recorder::of_plan(machine)?));
+    let limits = Rc::default();
+    let session = Session::by_rules(profile, by, replies);
+    session.desk().observe(Box::new(PlanShown { recorder: Rc::clone(&recorder), limits: Rc::clone(&limits) }));
+    let mut shown = run(&session, &recorder, None, dropped, input, look);
+    if let Some(report) = session.desk().rules() {
+        report.keep(&mut shown.remarks);
+        let times =
+            report.limits.iter().map(|&LimitShare { limit, seconds, moves }| LimitTime { limit, seconds, moves });
+        shown.rules = Some(RulesShown { name: report.name, limits: limits.take(), times: times.collect() });
+    }
+    drop(session);
+    Ok(finished(shown, recorder))
+}
+
+/// A print with its record, which no session fills any more.
+fn finished(shown: Shown, recorder: Shared) -> Shown {
+    match Rc::into_inner(recorder) {
+        Some(recorder) => Shown { recording: recorder.into_inner().finish(), ..shown },
+        None => unreachable!("the session that held the other one is gone"),
+    }
+}
+
+/// Executes a job on a session that fills the record.
+fn run<D: Desk>(
+    session: &Session<D, JobReplies<'_>>,
+    recorder: &RefCell<Recorder>,
+    machine: Option<&RefCell<QueueMachine>>,
+    dropped: &Dropped,
+    input: &mut Input,
+    mut look: impl FnMut(&JobProgress, &Figures),
+) -> Shown {
     let mut printer = session.printer();
     let mut done = JobProgress::default();
     let mut watch = Watch::new(session.profile(), session.replies().remarks());
     let heats = RefCell::new(None);
-    let between = |session: &PrintSession<ShowObserver, JobReplies<'_>>| note_time(session, *heats.borrow());
+    let between = |session: &Session<D, JobReplies<'_>>| note_time(session, recorder, *heats.borrow());
     let look = |done: &JobProgress| look(done, &session.figures());
     let (outcome, text) = if input.is_prepared() {
         let played = gpre::play_from(0, input, session.profile(), &mut printer, &mut done, look);
@@ -224,7 +300,8 @@ pub(crate) fn record_without(
         let text = source.text();
         let state = LineState::default();
         let mut lines = Lines {
-            session: &session,
+            recorder,
+            machine,
             text: Rc::clone(&text),
             state,
             line: 0,
@@ -241,20 +318,21 @@ pub(crate) fn record_without(
     watch.end(&session.heating(), outcome.is_ok());
     let tally = printer.tally();
     let (figures, remarks) = (session.figures(), session.replies().remarks().to_vec());
-    Ok(Shown {
-        recording: session.into_observer().0.finish(),
+    Shown {
+        recording: Recording::default(),
         text: text.take(),
         figures,
         done,
         moves: tally.moves,
         filament_mm: tally.filament_100pm as f64 / FILAMENT_UNITS_PER_MM as f64,
         remarks,
+        rules: None,
         stopped: outcome.err(),
-    })
+    }
 }
 
 /// Notes waits and temperatures after time has passed.
-fn note_time<R: Replies>(session: &PrintSession<ShowObserver, R>, heats: Option<bool>) {
+fn note_time<D: Desk, R: Replies>(session: &Session<D, R>, recorder: &RefCell<Recorder>, heats: Option<bool>) {
     let now_s = session.clock().now_ns() as f64 * 1e-9;
     let state = session.desk().state();
     let (tick, fan_power) = (state.tick(), state.fan_demand().powers[FanOutput::Part.index()]);
@@ -272,10 +350,9 @@ fn note_time<R: Replies>(session: &PrintSession<ShowObserver, R>, heats: Option<
     };
     // A prepared job does not say what it waits for.
     let heats = heats.unwrap_or_else(|| status.iter().any(|status| status.target_celsius > status.celsius + 1.0));
-    session.desk().with_observer(|observer| {
-        observer.0.note_temperature(temperature);
-        observer.0.waited(tick, now_s - tick as f64 / f64::from(TICKS_PER_SECOND), heats);
-    });
+    let mut recorder = recorder.borrow_mut();
+    recorder.note_temperature(temperature);
+    recorder.waited(tick, now_s - tick as f64 / f64::from(TICKS_PER_SECOND), heats);
 }
 
 /// Estimates a file with other limits: words for them, and the print's time, s. None where it stops
@@ -323,6 +400,7 @@ impl Shown {
             travel_mm: [profile.lower_end_10nm, profile.size_10nm].map(|ends| ends.map(millimetres)),
             max_flow_mm3_per_s: profile.max_volumetric_flow_mm3_per_s.map(f64::from),
             nozzle_time_constant_s: NozzleSettings::default().time_constant_s,
+            rules: self.rules.clone(),
             chances,
             findings: self.findings(),
         }

@@ -8,14 +8,14 @@ use std::fmt;
 use std::io::Read;
 use std::path::Path;
 
-use ferrostep_printer::{Profile, SQUARE_CORNER_SHARE};
+use ferrostep_printer::SQUARE_CORNER_SHARE;
 use ferrostep_profiles::PlannedBy;
 use ferrostep_profiles::response::FrameMode;
 use ferrostep_session::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS};
 use ferrostep_session::duration::hms;
 use ferrostep_session::input::{Input, InputError};
 use ferrostep_session::job::{self, JobError, JobProgress};
-use ferrostep_session::rules::{self, ByRules};
+use ferrostep_session::rules::{MachineError, RuledMachine};
 use ferrostep_session::{JobReplies, Session};
 use serde::Serialize;
 use toml::{Table, Value};
@@ -152,7 +152,7 @@ pub struct Swept {
 pub fn sweep(file: &Path, profile_text: &str, profile_name: &str, sweep: &Sweep) -> Result<Swept, SweepError> {
     let table: Table = profile_text.parse().map_err(|error| SweepError::Profile(format!("{profile_name}: {error}")))?;
     let own = machine(&table, profile_name, sweep.rules)?;
-    let machines: Vec<(f64, Machine)> = sweep
+    let machines: Vec<(f64, RuledMachine)> = sweep
         .values
         .iter()
         .map(|value| {
@@ -174,7 +174,7 @@ pub fn sweep(file: &Path, profile_text: &str, profile_name: &str, sweep: &Sweep)
     let dropped = dropped(&sweep.keys);
     let (profile, rules) = (own.profile.name.to_owned(), own.by.as_ref().map(|by| by.rules.name()));
     let (print_time_s, _, lines_left_out) = estimate(file, own, &dropped)?;
-    let one = |value: f64, machine: Machine| -> Row {
+    let one = |value: f64, machine: RuledMachine| -> Row {
         let mut row = Row { value, ..Row::default() };
         let profile = machine.profile;
         match estimate(file, machine, &dropped) {
@@ -206,16 +206,22 @@ fn frame(text: &str, name: &str) -> Result<[Option<FrameMode>; 2], SweepError> {
     Ok(budget.map_err(|error| SweepError::Profile(error.to_string()))?.frame)
 }
 
-/// A profile by its text, with other values of some keys.
+/// A machine by its profile's text, with other values of some keys; `asked`: the rules that hold in
+/// place of the profile's.
 ///
 /// # Errors
 /// The text or a value is refused; it says which.
-pub fn profile_with(text: &str, name: &str, values: &[(String, f64)]) -> Result<Profile, SweepError> {
+pub fn machine_with(
+    text: &str,
+    name: &str,
+    values: &[(String, f64)],
+    asked: Option<PlannedBy>,
+) -> Result<RuledMachine, SweepError> {
     let mut table: Table = text.parse().map_err(|error| SweepError::Profile(format!("{name}: {error}")))?;
     for (key, value) in values {
         set(&mut table, key, *value).map_err(|problem| SweepError::Profile(format!("{name}: {problem}")))?;
     }
-    checked(&table, name)
+    machine(&table, name, asked)
 }
 
 /// The commands whose settings would hold over those of these keys.
@@ -228,27 +234,15 @@ pub(crate) fn dropped(keys: &[String]) -> Dropped {
     Dropped::new([limits, filters].concat())
 }
 
-/// Reads a profile from its table. The line of a problem is left out: the table is not
+/// Reads a machine from its profile's table. The line of a problem is left out: the table is not
 /// the file's text.
-fn checked(table: &Table, name: &str) -> Result<Profile, SweepError> {
-    ferrostep_profiles::parse(&table.to_string(), name)
-        .map_err(|error| SweepError::Profile(format!("{name}: {}", error.problem())))
-}
-
-/// A profile, and the planner of another firmware if its rules hold.
-struct Machine {
-    profile: Profile,
-    by: Option<ByRules>,
-}
-
-/// Reads a machine from its profile's table.
-fn machine(table: &Table, name: &str, asked: Option<PlannedBy>) -> Result<Machine, SweepError> {
-    let profile = checked(table, name)?;
-    let refuse = |problem: String| SweepError::Profile(format!("{name}: {problem}"));
-    let keys =
-        ferrostep_profiles::rules(&table.to_string(), name).map_err(|error| refuse(error.problem().to_string()))?;
-    let by = rules::of_profile(&profile, &keys, asked).map_err(|error| refuse(error.to_string()))?;
-    Ok(Machine { profile, by })
+fn machine(table: &Table, name: &str, asked: Option<PlannedBy>) -> Result<RuledMachine, SweepError> {
+    RuledMachine::parse(&table.to_string(), name, asked).map_err(|error| {
+        SweepError::Profile(match error {
+            MachineError::Profile(error) => format!("{name}: {}", error.problem()),
+            limits @ MachineError::Limits { .. } => limits.to_string(),
+        })
+    })
 }
 
 /// Lets the deviation at corners follow a changed acceleration where the profile has the speed of
@@ -279,13 +273,13 @@ fn set(table: &mut Table, key: &str, value: f64) -> Result<(), String> {
 }
 
 /// Time of the print, s, moves that were slowed, and lines left out.
-fn estimate(file: &Path, machine: Machine, dropped: &Dropped) -> Result<(f64, u64, u64), SweepError> {
+fn estimate(file: &Path, machine: RuledMachine, dropped: &Dropped) -> Result<(f64, u64, u64), SweepError> {
     let input = Input::open(file).map_err(SweepError::Input)?;
     if input.is_prepared() {
         return Err(SweepError::Prepared);
     }
     let mut input = WithoutCommands::new(input, dropped);
-    let Machine { profile, by } = machine;
+    let RuledMachine { profile, by } = machine;
     let replies = JobReplies::new(|_: &str| {});
     let figures = match by {
         None => figures(&mut input, &Session::estimate(profile, LOOK_AHEAD_BLOCKS, replies))?,

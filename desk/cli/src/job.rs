@@ -10,7 +10,6 @@ use ferrostep_host::printable;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_printer::Profile;
-use ferrostep_profiles::PlannedBy;
 use ferrostep_session::desk::{Desk, LineEnds, MotionState};
 use ferrostep_session::gpre;
 use ferrostep_session::input::{self, Input};
@@ -19,7 +18,6 @@ use ferrostep_session::macros::Macros;
 use ferrostep_session::parts::Parts;
 use ferrostep_session::remarks::{Remark, RemarkKind};
 use ferrostep_session::report::{Motors, Stop, Summary};
-use ferrostep_session::rules::{self, ByRules};
 use ferrostep_session::watch::Watch;
 use ferrostep_session::{JobReplies, Session};
 
@@ -33,19 +31,14 @@ const MAX_NOTICES: u32 = 20;
 
 /// The machine, of this profile if one is named, and the open file of a job.
 pub fn open(job: &JobArguments, named: Option<&str>) -> Result<(Profile, Input), String> {
-    let input = Input::open(&job.file).map_err(|error| format!("{}: {error}", input::name(&job.file)))?;
-    Ok((Machine::of_job(named, &job.file, &input)?.profile, input))
+    let input = open_file(job)?;
+    let machine = Machine::of_job(named, Some(PlannedBy::Own), &job.file, &input)?;
+    Ok((machine.ruled.profile, input))
 }
 
-/// The planner of another firmware that a command names, or else the profile; `None` for the rules
-/// of this firmware.
-pub fn by_rules(profile: &Profile, name_or_path: &str, asked: Option<PlannedBy>) -> Result<Option<ByRules>, String> {
-    let text = ferrostep_profiles::text(name_or_path).map_err(|error| error.to_string())?;
-    let keys = ferrostep_profiles::rules(&text, name_or_path).map_err(|error| error.to_string())?;
-    rules::of_profile(profile, &keys, asked).map_err(|error| {
-        let name = asked.unwrap_or(keys.planned_by).name();
-        format!("{name_or_path}: {name} makes no plan with its limits: {error}")
-    })
+/// The open file of a job.
+pub fn open_file(job: &JobArguments) -> Result<Input, String> {
+    Input::open(&job.file).map_err(|error| format!("{}: {error}", input::name(&job.file)))
 }
 
 /// Shows the machine's messages: errors always, notices up to a maximum.
@@ -117,8 +110,9 @@ pub fn run<D: Desk>(
     let figures = session.figures();
     let report = session.desk().rules();
     let mut remarks = session.replies().remarks().to_vec();
-    // The other rules obey what this firmware takes from the profile.
-    remarks.retain(|remark| remark.kind != RemarkKind::Corner || report.as_ref().is_none_or(|report| !report.has_jerk));
+    if let Some(report) = &report {
+        report.keep(&mut remarks);
+    }
     let (rules, limits) = report.map(|report| (report.name, report.limits)).unzip();
     let tally = printer.tally();
     let summary = Summary {

@@ -6,7 +6,9 @@ use std::path::Path;
 use ferrostep_analysis::sweep::profile_with;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_printer::Profile;
+use ferrostep_profiles::PlannedBy;
 use ferrostep_session::input::{self, Input, ShownTravel};
+use ferrostep_session::rules::RuledMachine;
 
 use crate::terminal::tell;
 
@@ -20,21 +22,28 @@ pub fn name_or_path(named: Option<&str>) -> &str {
 
 /// A machine, and its name for people.
 pub struct Machine {
-    /// The machine.
-    pub profile: Profile,
+    /// The machine, with the rules of its moves.
+    pub ruled: RuledMachine,
     /// The profile's name, with the travel if that is another one.
     pub name: String,
 }
 
 impl Machine {
     /// Loads the profile that is named, or else the built-in one, whose travel becomes what the
-    /// slicer's comments say; tells the person what it took from them, or could not.
+    /// slicer's comments say; tells the person what it took from them, or could not. `asked`: the
+    /// rules that hold in place of the profile's.
     ///
     /// # Errors
-    /// The profile cannot be read.
-    pub fn of_job(named: Option<&str>, file: &Path, input: &Input) -> Result<Self, String> {
-        let profile = ferrostep_profiles::load(name_or_path(named)).map_err(|error| error.to_string())?;
-        let built_in = Self { profile, name: profile.name.to_owned() };
+    /// The profile cannot be read, or its limits make no plan by the rules.
+    pub fn of_job(
+        named: Option<&str>,
+        asked: Option<PlannedBy>,
+        file: &Path,
+        input: &Input,
+    ) -> Result<Self, String> {
+        let ruled = RuledMachine::load(name_or_path(named), asked).map_err(|error| error.to_string())?;
+        let profile = ruled.profile;
+        let built_in = Self { ruled, name: profile.name.to_owned() };
         if named.is_some() {
             return Ok(built_in);
         }
@@ -60,7 +69,8 @@ impl Machine {
                     "note: the machine is {BUILT_IN} with the travel in the comments of {name}, {shown}: name your \
                      printer with --profile"
                 ));
-                Ok(Self { profile, name: format!("{BUILT_IN} with the file's travel, {shown}") })
+                let ruled = RuledMachine { profile, ..built_in.ruled };
+                Ok(Self { ruled, name: format!("{BUILT_IN} with the file's travel, {shown}") })
             }
             Err(problem) => {
                 tell(format_args!(

@@ -3,6 +3,8 @@
 use ferrostep_rules::{Axis, Limit, PlannedMove};
 use serde::Serialize;
 
+use crate::remarks::{Remark, RemarkKind};
+
 /// Time and moves that a limit held down.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LimitShare {
@@ -25,6 +27,14 @@ pub struct RulesReport {
     pub limits: Vec<LimitShare>,
 }
 
+impl RulesReport {
+    /// Leaves only those remarks of this firmware that hold for the other one too: the rules may obey
+    /// what this firmware takes from the profile.
+    pub fn keep(&self, remarks: &mut Vec<Remark>) {
+        remarks.retain(|remark| !(self.has_jerk && remark.kind == RemarkKind::Corner));
+    }
+}
+
 /// The shares so far.
 ///
 /// The time at a move's largest speed is that of the limit of this speed. A ramp belongs to the
@@ -37,19 +47,52 @@ pub(crate) struct Shares {
     last: Option<PlannedMove>,
 }
 
+/// A move whose limits are all known.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Settled {
+    /// The move.
+    pub planned: PlannedMove,
+    /// The limit of the speed at its end.
+    end_limit: Limit,
+}
+
+/// A part of a move in which the speed changes evenly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Phase {
+    /// Its time, s.
+    pub seconds: f64,
+    /// Speeds at its start and its end, mm/s.
+    pub speeds_mm_per_s: [f64; 2],
+    /// Name of the limit that holds for most of it.
+    pub limit: &'static str,
+}
+
+impl Settled {
+    /// The first ramp, the largest speed, the last ramp.
+    pub fn phases(&self) -> [Phase; 3] {
+        let Self { planned, end_limit } = self;
+        let [start, cruise, end] = [planned.start_mm_per_s, planned.cruise_mm_per_s, planned.end_mm_per_s];
+        let of_ramp = |slow: f64, limit| if 2.0 * slow > cruise { limit } else { planned.acceleration_limit };
+        [
+            (planned.accelerate_s, [start, cruise], of_ramp(start, planned.start_limit)),
+            (planned.cruise_s, [cruise, cruise], planned.cruise_limit),
+            (planned.decelerate_s, [cruise, end], of_ramp(end, *end_limit)),
+        ]
+        .map(|(seconds, speeds_mm_per_s, limit)| Phase { seconds, speeds_mm_per_s, limit: name(limit) })
+    }
+}
+
 impl Shares {
-    /// Adds a move, after those before it.
-    pub fn add(&mut self, planned: &PlannedMove) {
-        if let Some(last) = self.last.replace(*planned) {
-            self.settle(&last, planned.start_limit);
-        }
+    /// Adds a move, after those before it. Returns the one before.
+    pub fn add(&mut self, planned: &PlannedMove) -> Option<Settled> {
+        let last = self.last.replace(*planned)?;
+        Some(self.settle(last, planned.start_limit))
     }
 
-    /// Motion ends here.
-    pub fn rest(&mut self) {
-        if let Some(last) = self.last.take() {
-            self.settle(&last, Limit::Rest);
-        }
+    /// Motion ends here. Returns the last move.
+    pub fn rest(&mut self) -> Option<Settled> {
+        let last = self.last.take()?;
+        Some(self.settle(last, Limit::Rest))
     }
 
     /// The shares of the moves that have been settled, the longest time first.
@@ -59,7 +102,7 @@ impl Shares {
         rows.into_iter().map(|(limit, seconds, moves)| LimitShare { limit: name(limit), seconds, moves }).collect()
     }
 
-    fn settle(&mut self, planned: &PlannedMove, end_limit: Limit) {
+    fn settle(&mut self, planned: PlannedMove, end_limit: Limit) -> Settled {
         let ratio = |slow: f64| if planned.cruise_mm_per_s > 0.0 { slow / planned.cruise_mm_per_s } else { 0.0 };
         let at_start_s = planned.accelerate_s * ratio(planned.start_mm_per_s);
         let at_end_s = planned.decelerate_s * ratio(planned.end_mm_per_s);
@@ -78,6 +121,7 @@ impl Shares {
             }
         }
         self.row(most.0).2 += 1;
+        Settled { planned, end_limit }
     }
 
     fn row(&mut self, limit: Limit) -> &mut (Limit, f64, u64) {

@@ -6,11 +6,15 @@
 //! change its limits are read as it reads them. Homing keeps this firmware's time.
 
 mod changes;
+mod machine;
 mod motion;
+mod observer;
 mod plan;
 mod reader;
 mod settings;
 
+pub use machine::{MachineError, RuledMachine};
 pub use motion::RulesMotion;
+pub use observer::{Piece, PlanObserver};
 pub use reader::RulesReader;
-pub use settings::{ByRules, of_profile};
+pub use settings::ByRules;

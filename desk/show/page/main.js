@@ -13,6 +13,7 @@ function themeNow() {
 
 async function main() {
   const print = await load();
+  chooseModes(print);
   const { c, n } = print;
   const end = c.time[n - 1];
   let theme = themeNow();

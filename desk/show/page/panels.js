@@ -4,7 +4,8 @@ function showHeader(print) {
   const { job } = print;
   document.getElementById('title').textContent = job.file;
   document.getElementById('subtitle').textContent =
-    `on ${job.profile}, every step of it executed by Ferrostep ${job.version}`;
+    job.rules ? `on ${job.profile}, as the rules of ${job.rules.name} plan it; by Ferrostep ${job.version}`
+      : `on ${job.profile}, every step of it executed by Ferrostep ${job.version}`;
   const figures = document.getElementById('figures');
   const figure = (name, value, note, tone) => {
     const item = make('div', undefined, tone);
@@ -85,13 +86,18 @@ function showShares(print, theme) {
     }
     chances.append(table);
   }
+  showLimits(print, chances);
 }
 
 function showAbout(print, how) {
   const box = document.getElementById('about-text');
   const say = (text) => box.append(make('p', text));
-  say('The print ran on a virtual board with the code that runs on the printer\'s. The path, its speeds and times are those of the motors\' steps, sampled each millisecond: what the firmware does, not what the file asks for.');
-  say(`Pressure in the nozzle is a model: filament compresses, and flows out with a time constant of ${print.job.nozzle_time_constant_s} s.`);
+  if (print.job.rules) {
+    say(`The moves are planned by the rules of ${print.job.rules.name} with the limits of ${print.job.profile}: the speeds and times of that firmware. Homing takes this firmware's time. No steps are made: what depends on them (input shaping, distance from the path, pressure in the nozzle, moves slowed for the board, what other limits would win) is left out.`);
+  } else {
+    say('The print ran on a virtual board with the code that runs on the printer\'s. The path, its speeds and times are those of the motors\' steps, sampled each millisecond: what the firmware does, not what the file asks for.');
+    say(`Pressure in the nozzle is a model: filament compresses, and flows out with a time constant of ${print.job.nozzle_time_constant_s} s.`);
+  }
   if (print.left_out) {
     say(`This job is too large for a page: ${print.left_out.toLocaleString('en')} of its points were left out. Every layer is drawn within ${print.tolerance_mm.toFixed(2)} mm of its path; sums, times and extremes are of all points.`);
   }
@@ -126,8 +132,10 @@ function showHere(print, state, source) {
     ['speed', `${state.speed.toFixed(1)} mm/s` + (c.feed[i] > 0 && c.kind[i] < 2 ? ` of ${c.feed[i].toFixed(0)}` : '')],
     ['change', `${state.acceleration.toFixed(0)} mm/s²`],
     ['flow', `${state.flow.toFixed(2)} mm³/s`],
-    ['pressure', `${state.pressure.toFixed(3)} mm³`],
-    ['off path', `${state.deviation.toFixed(3)} mm` + (c.slowed[i] ? ', slowed for the board' : '')],
+    ...(print.job.rules ? [['limit', limitName(print, i)]] : [
+      ['pressure', `${state.pressure.toFixed(3)} mm³`],
+      ['off path', `${state.deviation.toFixed(3)} mm` + (c.slowed[i] ? ', slowed for the board' : '')],
+    ]),
   ];
   for (const heater of ['nozzle', 'bed', 'chamber']) {
     const target = state[`${heater}Target`];

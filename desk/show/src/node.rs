@@ -59,6 +59,9 @@ pub struct Node {
     pub deviation_mm: f32,
     /// True if the part's move was slowed because the board could not keep up with it.
     pub is_slowed: bool,
+    /// Number of the limit that holds the part's speed, in the page's list of their names, from 1;
+    /// 0: unknown.
+    pub limit: u8,
     /// The speed that the line asks for, mm/s; 0 if unknown.
     pub feed_mm_per_s: f32,
     /// Number of the line in the file.

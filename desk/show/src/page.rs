@@ -18,6 +18,7 @@ const SCRIPT: &str = concat!(
     include_str!("../page/data.js"),
     include_str!("../page/features.js"),
     include_str!("../page/colours.js"),
+    include_str!("../page/limits.js"),
     include_str!("../page/places.js"),
     include_str!("../page/camera.js"),
     include_str!("../page/space.js"),
@@ -59,10 +60,35 @@ pub struct Job {
     pub max_flow_mm3_per_s: Option<f64>,
     /// The nozzle's time constant, s.
     pub nozzle_time_constant_s: f64,
+    /// The rules of another firmware that planned the motion; none if this one did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rules: Option<RulesShown>,
     /// Possible gains: words, and the print's time with them, s.
     pub chances: Vec<(String, f64)>,
     /// Remarks, the most important first.
     pub findings: Vec<Finding>,
+}
+
+/// Another firmware's rules, and the limits that held by them.
+#[derive(Clone, Debug, Serialize)]
+pub struct RulesShown {
+    /// Their name.
+    pub name: &'static str,
+    /// Names of the limits, in the order of their numbers ([`crate::Node::limit`]).
+    pub limits: Vec<&'static str>,
+    /// The limits, the longest time first.
+    pub times: Vec<LimitTime>,
+}
+
+/// The time of a limit.
+#[derive(Clone, Debug, Serialize)]
+pub struct LimitTime {
+    /// Its name.
+    pub limit: &'static str,
+    /// Time that it held, s.
+    pub seconds: f64,
+    /// Moves for most of whose time it held.
+    pub moves: u64,
 }
 
 /// The page's first data: everything but the columns' bytes.
@@ -132,6 +158,9 @@ fn columns(recording: &Recording) -> Columns {
     columns.add("pressure", 1e-3, nodes().map(|node| node.pressure_mm3.into()));
     columns.add("deviation", 1e-4, nodes().map(|node| node.deviation_mm.into()));
     columns.add("slowed", 1.0, nodes().map(|node| f64::from(u8::from(node.is_slowed))));
+    if nodes().any(|node| node.limit > 0) {
+        columns.add("limit", 1.0, nodes().map(|node| node.limit.into()));
+    }
     columns.add("feed", 0.1, nodes().map(|node| node.feed_mm_per_s.into()));
     columns.add("line", 1.0, nodes().map(|node| node.line.into()));
     columns.add("layer", 1.0, nodes().map(|node| node.layer.into()));

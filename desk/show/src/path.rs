@@ -249,17 +249,7 @@ impl Path {
         // belong to a neighbour.
         let is_bead = pushed_mm.abs() * self.filament_mm2 > THINNEST_MM2 * path_mm;
         let filament_mm = filament_mm.unwrap_or(if is_bead { pushed_mm } else { 0.0 });
-        let volume_mm3 = filament_mm * self.filament_mm2;
-        // A bead is never thicker than the nozzle is wide by much: a short path with much filament
-        // is a motor that settles.
-        let alone = path_mm < REST_MM && volume_mm3.abs() > 1.5 * path_mm;
-        match () {
-            () if alone && filament_mm < 0.0 => (Kind::Retract, filament_mm),
-            () if alone => (Kind::Prime, filament_mm),
-            () if path_mm <= 0.0 => (Kind::Wait, 0.0),
-            () if filament_mm > 0.0 => (Kind::Print, volume_mm3 / path_mm),
-            () => (Kind::Travel, volume_mm3 / path_mm),
-        }
+        motion(path_mm, filament_mm, self.filament_mm2)
     }
 
     /// Ends the motion up to a place.
@@ -297,7 +287,23 @@ impl Path {
     }
 }
 
-fn node(place: Place, speed: f64, kind: Kind, bead: f64, line: u32, state: LineState) -> Node {
+/// The kind of a motion along a path with so much filament, and its [`Node::bead`].
+pub(crate) fn motion(path_mm: f64, filament_mm: f64, filament_mm2: f64) -> (Kind, f64) {
+    let volume_mm3 = filament_mm * filament_mm2;
+    // A bead is never thicker than the nozzle is wide by much: a short path with much filament
+    // is a motor that settles.
+    let alone = path_mm < REST_MM && volume_mm3.abs() > 1.5 * path_mm;
+    match () {
+        () if alone && filament_mm < 0.0 => (Kind::Retract, filament_mm),
+        () if alone => (Kind::Prime, filament_mm),
+        () if path_mm <= 0.0 => (Kind::Wait, 0.0),
+        () if filament_mm > 0.0 => (Kind::Print, volume_mm3 / path_mm),
+        () => (Kind::Travel, volume_mm3 / path_mm),
+    }
+}
+
+/// The node at a place where a part of the path ends.
+pub(crate) fn node(place: Place, speed: f64, kind: Kind, bead: f64, line: u32, state: LineState) -> Node {
     let nozzle_mm: [f64; 3] = std::array::from_fn(|axis| place.position_mm[axis] + state.nozzle_mm[axis]);
     Node {
         time_s: place.time_s,

@@ -1,5 +1,7 @@
 //! The record of a print: from steps, waits and temperatures to nodes.
 
+mod planned;
+
 use ferrostep_simulator::nozzle::{Nozzle, NozzleError, NozzleSettings};
 
 use crate::commanded::PlannedMove;
@@ -13,6 +15,8 @@ use crate::speeds::{Ending, Speeds};
 use crate::surface::Surface;
 use crate::temperatures::{Temperature, Temperatures};
 use crate::totals::Totals;
+
+pub use planned::{ExecutedMove, Phase};
 
 /// Shorter waits are a rounding of clocks.
 const SHORTEST_WAIT_S: f64 = 1e-5;
@@ -39,6 +43,8 @@ pub struct Machine {
 pub struct Recorder {
     machine: Machine,
     sampler: Sampler,
+    /// True if moves come as they are planned, and no steps are made.
+    is_planned: bool,
     surface: Option<Surface>,
     speeds: Speeds,
     path: Path,
@@ -55,7 +61,7 @@ pub struct Recorder {
 }
 
 /// A finished record.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Recording {
     /// The path, in the order of time; the first is its beginning.
     pub nodes: Vec<Node>,
@@ -117,6 +123,7 @@ impl Recorder {
         let step_mm = machine.mm_per_step.iter().map(|axis| axis.iter().map(|mm| mm.abs()).sum()).fold(0.0, f64::max);
         Ok(Self {
             sampler: Sampler::new(machine.tick_hz.max(1000)),
+            is_planned: false,
             surface: None,
             speeds: Speeds::new(step_mm, Place::default()),
             path: Path::new(machine.filament_mm2, machine.filament_mm_per_step, Place::default()),
@@ -180,6 +187,11 @@ impl Recorder {
         self.path.broken_off();
         self.sampler.redefine(tick, motor_steps);
         let place = self.place(tick, motor_steps.map(|steps| steps as f64));
+        self.stand(place);
+    }
+
+    /// The machine stands at a place that homing has given it.
+    fn stand(&mut self, place: Place) {
         self.begin(place);
         let node = Node {
             time_s: place.time_s,
@@ -305,6 +317,9 @@ impl Recorder {
 
     /// Takes all samples up to now, when the motors are at rest.
     fn settle(&mut self, homes: bool) {
+        if self.is_planned {
+            return;
+        }
         self.sample(self.tick);
         // The rest of a grid's interval.
         self.take(self.tick, self.sampler.positions().map(|steps| steps as f64), None);

@@ -27,6 +27,9 @@ pub struct ShowArguments {
     /// with the travel in the slicer's comments].
     #[arg(long, value_name = "NAME|PATH")]
     pub profile: Option<String>,
+    /// The firmware by whose rules the file is planned [default: that of the profile's rules.planned_by].
+    #[arg(long, value_name = "RULES", value_parser = rules())]
+    pub rules: Option<PlannedBy>,
     /// Does not open the page.
     #[arg(long)]
     pub no_open: bool,
@@ -62,6 +65,9 @@ pub struct CompareArguments {
     /// The machine of B.
     #[arg(long, value_name = "NAME|PATH")]
     pub profile_b: Option<String>,
+    /// The firmware by whose rules both are planned [default: that of each profile's rules.planned_by].
+    #[arg(long, value_name = "RULES", value_parser = rules())]
+    pub rules: Option<PlannedBy>,
     /// Gives a key of B's profile this value: junction_deviation_mm=0.02. The jobs' own commands
     /// that would hold over it are left out of both. Can be repeated.
     #[arg(long, value_name = "KEY=VALUE", value_parser = key_and_value)]

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use ferrostep_analysis::compare::{Asked, compare};
-use ferrostep_analysis::sweep::profile_with;
+use ferrostep_analysis::sweep::machine_with;
 use ferrostep_session::input;
 use ferrostep_session::output::{Accepted, Output};
 
@@ -24,18 +24,25 @@ pub fn run(arguments: &CompareArguments) -> Result<ExitCode, String> {
     if arguments.second.is_none() && profile_a == profile_b && arguments.set.is_empty() {
         return Err("nothing to compare with: give a second file, --profile-b or --set".to_owned());
     }
-    let profile = |name: &str, values: &[(String, f64)]| {
+    let machine = |name: &str, values: &[(String, f64)]| {
         let text = ferrostep_profiles::text(name).map_err(|error| error.to_string())?;
-        profile_with(&text, name, values).map_err(|error| error.to_string())
+        machine_with(&text, name, values, arguments.rules).map_err(|error| error.to_string())
     };
     let asked = [
-        Asked { file: &arguments.file, profile: profile(profile_a, &[])?, changes: &[] },
-        Asked { file: second, profile: profile(profile_b, &arguments.set)?, changes: &arguments.set },
+        Asked { file: &arguments.file, machine: machine(profile_a, &[])?, changes: &[] },
+        Asked { file: second, machine: machine(profile_b, &arguments.set)?, changes: &arguments.set },
     ];
     let frequency_hz = match (arguments.frequency_x, arguments.frequency_y) {
         (None, None) => None,
         (x, y) => Some([x.or(y).unwrap_or_default(), y.or(x).unwrap_or_default()]),
     };
+    if let Some(by) = asked.iter().find_map(|one| one.machine.by.as_ref()).filter(|_| frequency_hz.is_some()) {
+        return Err(format!(
+            "--frequency-x and --frequency-y play this firmware's steps on a frame, and the rules of {} make none: add --rules own, or \
+             leave the frequencies out",
+            by.rules.name()
+        ));
+    }
     let mut protected = inputs(&arguments.file, profile_a);
     protected.extend(inputs(second, profile_b));
     let page = arguments.out.as_deref().map(|page| Output::create(page, Accepted::FileOrStream, &protected));

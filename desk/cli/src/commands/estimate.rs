@@ -6,16 +6,19 @@ use ferrostep_profiles::PlannedBy;
 use ferrostep_session::Session;
 use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep_session::input;
+use ferrostep_session::rules::RuledMachine;
 
 use crate::arguments::JobArguments;
-use crate::job::{self, open, replies};
-use crate::machine;
+use crate::job::{self, open_file, replies};
+use crate::machine::Machine;
 use crate::progress::Progress;
 
 /// Plans the job without making its steps, by the rules that are asked for or else the profile's,
 /// and reports time and material.
 pub fn run(arguments: &JobArguments, rules: Option<PlannedBy>) -> Result<ExitCode, String> {
-    let (profile, input) = open(arguments, arguments.profile.as_deref())?;
+    let input = open_file(arguments)?;
+    let Machine { ruled: RuledMachine { profile, by }, .. } =
+        Machine::of_job(arguments.profile.as_deref(), rules, &arguments.file, &input)?;
     if input.is_prepared() {
         return Err(format!(
             "{}: this is a prepared job, and estimate takes G-code: `ferrostep inspect` shows a prepared job's time",
@@ -23,7 +26,7 @@ pub fn run(arguments: &JobArguments, rules: Option<PlannedBy>) -> Result<ExitCod
         ));
     }
     let progress = Progress::new();
-    Ok(match job::by_rules(&profile, machine::name_or_path(arguments.profile.as_deref()), rules)? {
+    Ok(match by {
         None => {
             let session = Session::estimate(profile, LOOK_AHEAD_BLOCKS, replies(&progress));
             job::run(arguments, input, &session, &progress, 0)

@@ -5,17 +5,18 @@ use std::process::ExitCode;
 use ferrostep_post_process::{Additions, Failure, Options, post_process};
 use ferrostep_session::desk::{Figures, LOOK_AHEAD_BLOCKS};
 use ferrostep_session::job::JobProgress;
+use ferrostep_session::rules::RuledMachine;
 use ferrostep_session::{JobReplies, Session};
 
 use crate::arguments::PostProcessArguments;
-use crate::job::by_rules;
 use crate::outcome::{exit_code, result};
 use crate::progress::Progress;
 use crate::protected::{inputs, profile_file};
 
 /// Writes the time of the print into its file.
 pub fn run(arguments: &PostProcessArguments) -> Result<ExitCode, String> {
-    let profile = ferrostep_profiles::load(&arguments.profile).map_err(|error| error.to_string())?;
+    let RuledMachine { profile, by } =
+        RuledMachine::load(&arguments.profile, arguments.rules).map_err(|error| error.to_string())?;
     let protected = match arguments.out {
         Some(_) => inputs(&arguments.file, &arguments.profile),
         None => profile_file(&arguments.profile).into_iter().collect(),
@@ -34,7 +35,7 @@ pub fn run(arguments: &PostProcessArguments) -> Result<ExitCode, String> {
         }
     });
     let look = |share, done: &JobProgress, figures: &dyn Fn() -> Figures| progress.show(share, done, figures);
-    let outcome = match by_rules(&profile, &arguments.profile, arguments.rules)? {
+    let outcome = match by {
         None => post_process(&options, &Session::estimate(profile, LOOK_AHEAD_BLOCKS, replies), look),
         Some(by) => post_process(&options, &Session::by_rules(profile, by, replies), look),
     };

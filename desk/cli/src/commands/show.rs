@@ -7,9 +7,11 @@ use std::process::ExitCode;
 
 use ferrostep_analysis::recording::{self, MAX_NODES};
 use ferrostep_host::printable;
+use ferrostep_profiles::PlannedBy;
 use ferrostep_session::duration::hms;
 use ferrostep_session::input::{self, Input};
 use ferrostep_session::output::{Accepted, Output};
+use ferrostep_session::rules::RuledMachine;
 use ferrostep_show::write_page;
 
 use crate::arguments::ShowArguments;
@@ -32,7 +34,18 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
     let name = input::name(&arguments.file);
     let mut input = Input::open(&arguments.file).map_err(|error| format!("{name}: {error}"))?;
     let named = arguments.profile.as_deref();
-    let Machine { profile, name: machine } = Machine::of_job(named, &arguments.file, &input)?;
+    let Machine { ruled: RuledMachine { profile, by }, name: machine } =
+        Machine::of_job(named, arguments.rules, &arguments.file, &input)?;
+    // A prepared job has its steps already.
+    let by = by.filter(|_| !input.is_prepared());
+    if input.is_prepared()
+        && let Some(asked) = arguments.rules.filter(|asked| *asked != PlannedBy::Own)
+    {
+        return Err(format!(
+            "{name}: this is a prepared job, whose steps are planned already: --rules {} takes the G-code that it was made from",
+            asked.name()
+        ));
+    }
     let path = arguments.out.clone().map_or_else(|| default_page(&arguments.file), Ok)?;
     let protected = inputs(&arguments.file, machine::name_or_path(named));
     let out = Output::create(&path, Accepted::FileOrStream, &protected).map_err(|error| error.to_string())?;
@@ -40,10 +53,12 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
     let progress = Progress::new();
     let place = input.place();
     // A pipe can be read only once, and a large file takes too long to read twice.
-    let asks = arguments.file.is_file() && !input.is_prepared() && input.size_bytes() <= MAX_ASKED_BYTES;
+    // What other limits would win is asked of this firmware's planner.
+    let asks =
+        by.is_none() && arguments.file.is_file() && !input.is_prepared() && input.size_bytes() <= MAX_ASKED_BYTES;
     let (shown, chances) = std::thread::scope(|scope| {
         let chances = asks.then(|| scope.spawn(|| recording::chances(profile, &arguments.file)));
-        let shown = recording::record(profile, &mut input, MAX_NODES, replies(&progress), |done, figures| {
+        let shown = recording::record(profile, by, &mut input, MAX_NODES, replies(&progress), |done, figures| {
             progress.show(place.share(), done, || *figures);
         });
         (shown, chances.and_then(|thread| thread.join().ok()).unwrap_or_default())
@@ -64,9 +79,10 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
     Output::keep_buffered(out).map_err(|error| error.to_string())?;
     let findings = job.findings.iter().filter(|finding| !matches!(finding.weight, "extreme" | "place"));
     let written = terminal::write_result(&format!(
-        "{}: {} in {}, {}\n",
+        "{}: {}{} in {}, {}\n",
         printable::name(&path),
         hms(job.print_time_s),
+        job.rules.as_ref().map_or_else(String::new, |rules| format!(" by the rules of {}", rules.name)),
         counted(job.moves, "move"),
         counted(findings.count() as u64, "finding")
     ));

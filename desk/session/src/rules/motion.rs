@@ -91,6 +91,7 @@ impl Motion for RulesMotion<'_> {
         self.reader.come_to_rest();
         self.reader.set_homing(false);
         self.own.set_position(position_10nm);
+        self.reader.stands(position_10nm);
     }
 
     fn motor_steps(&self) -> [i64; 4] {

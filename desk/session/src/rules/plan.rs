@@ -1,5 +1,6 @@
 //! The moves of a job on their way through another firmware's planner.
 
+use std::collections::VecDeque;
 use std::rc::Rc;
 
 use ferrostep_gcode::Command;
@@ -10,9 +11,10 @@ use ferrostep_rules::arcs::{Arc, ArcCut, MarlinArcs};
 use ferrostep_rules::{Move as RulesMove, MoveError, PlannedMove, Rules};
 
 use super::changes;
+use super::observer::{Piece, PlanObserver};
 use super::settings::ByRules;
 use crate::desk::LineEnds;
-use crate::limit_shares::{RulesReport, Shares};
+use crate::limit_shares::{RulesReport, Settled, Shares};
 
 /// An arc whose chords arrive. The other firmware gets it whole, and cuts it in its own way.
 #[derive(Clone, Copy, Debug)]
@@ -23,8 +25,15 @@ struct Begun {
     filament_100pm: i64,
 }
 
+/// A move that waits in the planner.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    start_mm: [f64; 3],
+    displacement_mm: [f64; 4],
+    feed_mm_per_s: f64,
+}
+
 /// Planner and sums of a job.
-#[derive(Debug)]
 pub(super) struct Plan {
     by: ByRules,
     arc: Option<Begun>,
@@ -36,6 +45,9 @@ pub(super) struct Plan {
     own_ticks: u64,
     /// The ends of lines, if someone follows them.
     line_ends: Option<Rc<LineEnds>>,
+    observer: Option<Box<dyn PlanObserver>>,
+    /// The planner's moves, for the observer.
+    waiting: VecDeque<Waiting>,
 }
 
 impl Plan {
@@ -49,6 +61,20 @@ impl Plan {
             seconds: 0.0,
             own_ticks: 0,
             line_ends: None,
+            observer: None,
+            waiting: VecDeque::new(),
+        }
+    }
+
+    /// Tells an observer of all motion from now on; none has been planned.
+    pub fn observe(&mut self, observer: Box<dyn PlanObserver>) {
+        self.observer = Some(observer);
+    }
+
+    /// Gives access to the observer.
+    pub fn with_observer(&mut self, act: impl FnOnce(&mut dyn PlanObserver)) {
+        if let Some(observer) = &mut self.observer {
+            act(observer.as_mut());
         }
     }
 
@@ -77,7 +103,8 @@ impl Plan {
         match &mut self.arc {
             None => {
                 let displacement_mm = displacement(from_10nm, one.target_10nm, one.filament_100pm);
-                self.by.planner.push(&RulesMove::straight(tag, displacement_mm, feed_mm_per_s), &mut self.released)?;
+                let straight = RulesMove::straight(tag, displacement_mm, feed_mm_per_s);
+                self.push(&straight, millimetres(from_10nm))?;
             }
             Some(begun) => {
                 begun.filament_100pm += one.filament_100pm;
@@ -88,13 +115,28 @@ impl Plan {
                 self.arc = None;
                 let displacement_mm = displacement(start_10nm, one.target_10nm, filament_100pm);
                 let arc = Arc { displacement_mm, centre_mm, is_clockwise };
+                let mut at_mm = millimetres(start_10nm);
                 for chord in arc.chords(&self.arc_cut(), feed_mm_per_s) {
                     let chord_move =
                         RulesMove { tag, displacement_mm: chord.displacement_mm, feed_mm_per_s, arc: chord.hint };
-                    self.by.planner.push(&chord_move, &mut self.released)?;
-                    self.count();
+                    self.push(&chord_move, at_mm)?;
+                    at_mm = std::array::from_fn(|axis| at_mm[axis] + chord.displacement_mm[axis]);
                 }
             }
+        }
+        Ok(())
+    }
+
+    /// Hands the planner a move that starts at a place, and counts those that are planned by then.
+    fn push(&mut self, one: &RulesMove, start_mm: [f64; 3]) -> Result<(), MoveError> {
+        let planner = &mut self.by.planner;
+        let before = planner.queued();
+        planner.push(one, &mut self.released)?;
+        // Moves that are too short for the firmware are left out.
+        let is_taken = planner.queued() + self.released.len() > before;
+        if is_taken && self.observer.is_some() {
+            let RulesMove { displacement_mm, feed_mm_per_s, .. } = *one;
+            self.waiting.push_back(Waiting { start_mm, displacement_mm, feed_mm_per_s });
         }
         self.count();
         Ok(())
@@ -105,7 +147,9 @@ impl Plan {
         self.arc = None;
         self.by.planner.flush(&mut self.released);
         self.count();
-        self.shares.rest();
+        if let Some(settled) = self.shares.rest() {
+            self.settle(&settled);
+        }
     }
 
     /// Ticks of the moves that are planned.
@@ -134,12 +178,25 @@ impl Plan {
     }
 
     fn count(&mut self) {
-        for planned in self.released.drain(..) {
-            self.seconds += planned.duration_s();
-            self.shares.add(&planned);
-            if let Some(ends) = &self.line_ends {
-                ends.note(planned.tag as u32, self.own_ticks + ticks(self.seconds));
+        let mut released = std::mem::take(&mut self.released);
+        for planned in released.drain(..) {
+            if let Some(settled) = self.shares.add(&planned) {
+                self.settle(&settled);
             }
+        }
+        self.released = released;
+    }
+
+    /// A move is executed: its time passes.
+    fn settle(&mut self, settled: &Settled) {
+        let line = settled.planned.tag as u32;
+        self.seconds += settled.planned.duration_s();
+        if let Some(ends) = &self.line_ends {
+            ends.note(line, self.own_ticks + ticks(self.seconds));
+        }
+        if let (Some(observer), Some(waiting)) = (&mut self.observer, self.waiting.pop_front()) {
+            let Waiting { start_mm, displacement_mm, feed_mm_per_s } = waiting;
+            observer.ran(&Piece { line, start_mm, displacement_mm, feed_mm_per_s, phases: settled.phases() });
         }
     }
 }
@@ -149,8 +206,13 @@ fn ticks(seconds: f64) -> u64 {
     (seconds * f64::from(TICKS_PER_SECOND)) as u64
 }
 
+/// A place, mm.
+pub(super) fn millimetres(position_10nm: [i64; 3]) -> [f64; 3] {
+    position_10nm.map(|units| units as f64 / UNITS_PER_MM as f64)
+}
+
 /// A displacement of X, Y, Z and the filament, mm.
 fn displacement(from_10nm: [i64; 3], to_10nm: [i64; 3], filament_100pm: i64) -> [f64; 4] {
-    let [x, y, z] = [0, 1, 2].map(|axis| (to_10nm[axis] - from_10nm[axis]) as f64 / UNITS_PER_MM as f64);
+    let [x, y, z] = millimetres(std::array::from_fn(|axis| to_10nm[axis] - from_10nm[axis]));
     [x, y, z, filament_100pm as f64 / FILAMENT_UNITS_PER_MM as f64]
 }

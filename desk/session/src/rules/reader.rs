@@ -8,7 +8,8 @@ use ferrostep_planner::{Move, MoveError};
 use ferrostep_printer::{FanDemand, Motion, MotionError, Profile, Signals};
 
 use super::motion::RulesMotion;
-use super::plan::Plan;
+use super::observer::PlanObserver;
+use super::plan::{Plan, millimetres};
 use super::settings::ByRules;
 use crate::desk::{
     Desk, DeskDrivers, DeskTime, Figures, LOOK_AHEAD_BLOCKS, LineEnds, MotionState, PlanReader, PlannedMotion,
@@ -39,6 +40,17 @@ impl RulesReader {
             time: DeskTime::default(),
             passed_tick: Cell::new(0),
         }
+    }
+
+    /// Tells an observer of all motion from now on; none has been planned.
+    pub fn observe(&self, observer: Box<dyn PlanObserver>) {
+        self.with_plan(|plan| plan.observe(observer));
+    }
+
+    /// The machine stands at another place.
+    pub(super) fn stands(&self, position_10nm: [i64; 3]) {
+        let tick = self.tick();
+        self.with_plan(|plan| plan.with_observer(|observer| observer.stands(tick, millimetres(position_10nm))));
     }
 
     /// Gives access to the plan.

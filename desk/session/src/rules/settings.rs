@@ -28,7 +28,7 @@ pub struct ByRules {
 ///
 /// # Errors
 /// Names the limit with which those rules make no plan.
-pub fn of_profile(
+pub(super) fn of_profile(
     profile: &Profile,
     keys: &RuleKeys,
     asked: Option<PlannedBy>,
@@ -120,8 +120,7 @@ mod tests {
     #[test]
     fn every_name_leads_to_the_rules_of_that_name() {
         let text = ferrostep_profiles::builtin_text("corexy").unwrap();
-        let profile = ferrostep_profiles::parse(text, "corexy").unwrap();
-        let keys = ferrostep_profiles::rules(text, "corexy").unwrap();
+        let (profile, keys) = ferrostep_profiles::parse_with_rules(text, "corexy").unwrap();
         assert!(of_profile(&profile, &keys, None).unwrap().is_none());
         for (name, asked) in PlannedBy::NAMED {
             let found = of_profile(&profile, &keys, Some(asked)).unwrap();
@@ -133,8 +132,7 @@ mod tests {
     fn klippers_limits_are_those_of_the_profile() {
         let base = ferrostep_profiles::builtin_text("cartesian").unwrap();
         let text = format!("{base}\n[rules]\nplanned_by = \"klipper\"\nminimum_cruise_ratio = 0.25\n");
-        let profile = ferrostep_profiles::parse(&text, "test").unwrap();
-        let keys = ferrostep_profiles::rules(&text, "test").unwrap();
+        let (profile, keys) = ferrostep_profiles::parse_with_rules(&text, "test").unwrap();
         let Some(ByRules { planner: Planner::Klipper(planner), .. }) = of_profile(&profile, &keys, None).unwrap()
         else {
             panic!("expected Klipper's planner");

@@ -7,10 +7,12 @@ use std::sync::{Arc, Mutex, OnceLock};
 
 use ferrostep_analysis::recording::{self, Shown};
 use ferrostep_planner::{StepObserver, TICKS_PER_SECOND};
+use ferrostep_profiles::PlannedBy;
 use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep_session::input::Input;
 use ferrostep_session::job::{self, JobProgress};
 use ferrostep_session::record::Observer;
+use ferrostep_session::rules::RuledMachine;
 use ferrostep_session::{JobReplies, Session};
 
 use crate::program::repository;
@@ -94,9 +96,17 @@ impl Print {
 /// # Panics
 /// The file cannot be printed.
 pub fn shown(file: &Path, profile: &str, max_nodes: usize) -> Shown {
-    let profile = ferrostep_profiles::load(profile).unwrap();
+    shown_by(PlannedBy::Own, file, profile, max_nodes)
+}
+
+/// The record for the page of a file, by the rules of a firmware.
+///
+/// # Panics
+/// The file cannot be printed.
+pub fn shown_by(rules: PlannedBy, file: &Path, profile: &str, max_nodes: usize) -> Shown {
+    let RuledMachine { profile, by, .. } = RuledMachine::load(profile, Some(rules)).unwrap();
     let mut input = Input::open(file).unwrap();
-    recording::record(profile, &mut input, max_nodes, JobReplies::new(|_: &str| {}), |_, _| {}).unwrap()
+    recording::record(profile, by, &mut input, max_nodes, JobReplies::new(|_: &str| {}), |_, _| {}).unwrap()
 }
 
 /// Time to both sides over which a speed is measured.
