@@ -288,7 +288,8 @@ fn run<D: Desk>(
 ) -> Shown {
     let mut printer = session.printer();
     let mut done = JobProgress::default();
-    let mut watch = Watch::new(session.profile(), session.replies().remarks());
+    let remarks = session.replies().remarks();
+    let mut watch = Watch::new(session.profile(), remarks).with_refusals(session.desk().refusals());
     let heats = RefCell::new(None);
     let between = |session: &Session<D, JobReplies<'_>>| note_time(session, recorder, *heats.borrow());
     let look = |done: &JobProgress| look(done, &session.figures());
@@ -415,7 +416,7 @@ impl Shown {
             line: remark.lines.first().copied(),
             weight: match remark.kind {
                 RemarkKind::SoftLimit => Weight::LostMoves,
-                RemarkKind::Corner => Weight::Note,
+                RemarkKind::Corner | RemarkKind::Foreign => Weight::Note,
                 RemarkKind::NoEffect | RemarkKind::Unknown => Weight::WithoutEffect,
                 _ => Weight::Warning,
             },

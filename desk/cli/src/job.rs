@@ -10,13 +10,14 @@ use ferrostep_host::printable;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_printer::Profile;
+use ferrostep_profiles::PlannedBy;
 use ferrostep_session::desk::{Desk, LineEnds, MotionState};
 use ferrostep_session::gpre;
 use ferrostep_session::input::{self, Input};
 use ferrostep_session::job::{self, JobProgress};
 use ferrostep_session::macros::Macros;
 use ferrostep_session::parts::Parts;
-use ferrostep_session::remarks::{Remark, RemarkKind};
+use ferrostep_session::remarks::Remark;
 use ferrostep_session::report::{Motors, Stop, Summary};
 use ferrostep_session::watch::Watch;
 use ferrostep_session::{JobReplies, Session};
@@ -56,9 +57,9 @@ pub fn replies(progress: &Progress) -> JobReplies<'_> {
     })
 }
 
-/// Returns exit status 1 on any remark other than `corner`, for `--strict`.
+/// Returns exit status 1 on any remark that is not harmless, for `--strict`.
 pub fn strict(file: &Path, remarks: &[Remark]) -> ExitCode {
-    let remarks: Vec<&Remark> = remarks.iter().filter(|remark| remark.kind != RemarkKind::Corner).collect();
+    let remarks: Vec<&Remark> = remarks.iter().filter(|remark| !remark.kind.is_harmless()).collect();
     match remarks[..] {
         [] => ExitCode::SUCCESS,
         [first, ..] => {
@@ -86,7 +87,7 @@ pub fn run<D: Desk>(
     let mut done = JobProgress::default();
     let place = input.place();
     let look = |job: &JobProgress| progress.show(place.share(), job, || session.figures());
-    let mut watch = Watch::new(profile, session.replies().remarks());
+    let mut watch = Watch::new(profile, session.replies().remarks()).with_refusals(session.desk().refusals());
     let ends = Rc::new(LineEnds::default());
     let follows = job.json && !input.is_prepared() && session.desk().follow_lines(Rc::clone(&ends));
     let mut parts =

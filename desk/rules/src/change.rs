@@ -34,6 +34,9 @@ pub struct VelocityLimit {
     pub square_corner_velocity: Option<f64>,
     /// `MINIMUM_CRUISE_RATIO`.
     pub minimum_cruise_ratio: Option<f64>,
+    /// `ACCEL_TO_DECEL`, mm/s^2, which `minimum_cruise_ratio` has replaced: the ratio is what it
+    /// lacks of the acceleration.
+    pub accel_to_decel: Option<f64>,
 }
 
 /// A command that changes limits.

@@ -126,13 +126,19 @@ impl KlipperSettings {
         if limit == VelocityLimit::default() {
             return Effect::Unchanged;
         }
+        let max_accel_mm_per_s2 = limit.accel.unwrap_or(self.max_accel_mm_per_s2);
+        let ratio = match (limit.minimum_cruise_ratio, limit.accel_to_decel) {
+            (None, Some(to_decel)) if to_decel > 0.0 => 1.0 - (to_decel / max_accel_mm_per_s2).min(1.0),
+            (None, Some(_)) => return Effect::Refused,
+            (ratio, _) => ratio.unwrap_or(self.minimum_cruise_ratio),
+        };
         let changed = Self {
             max_velocity_mm_per_s: limit.velocity.unwrap_or(self.max_velocity_mm_per_s),
-            max_accel_mm_per_s2: limit.accel.unwrap_or(self.max_accel_mm_per_s2),
+            max_accel_mm_per_s2,
             square_corner_velocity_mm_per_s: limit
                 .square_corner_velocity
                 .unwrap_or(self.square_corner_velocity_mm_per_s),
-            minimum_cruise_ratio: limit.minimum_cruise_ratio.unwrap_or(self.minimum_cruise_ratio),
+            minimum_cruise_ratio: ratio,
             ..*self
         };
         if changed.check().is_err() {

@@ -36,6 +36,16 @@ impl Rules {
         }
     }
 
+    /// The firmware, for a person.
+    pub const fn firmware(self) -> &'static str {
+        match self {
+            Self::Klipper => "Klipper",
+            Self::MarlinJunctionDeviation => "Marlin with junction deviation",
+            Self::MarlinClassicJerk => "Marlin with classic jerk",
+            Self::Rrf => "RepRapFirmware",
+        }
+    }
+
     /// The factor that M220 puts on the speeds after it; `None` where the firmware refuses the value and the factor stays.
     ///
     /// Klipper takes all above 0. Marlin takes whole percents, cut off. RepRapFirmware takes 1 % and more.

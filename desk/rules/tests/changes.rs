@@ -35,6 +35,23 @@ fn klipper_takes_set_velocity_limit() {
     assert_eq!(settings.change(&Change::VelocityLimit(VelocityLimit::default())), Effect::Unchanged);
 }
 
+/// By *G-Codes* of Klipper 0.12: the ratio is what `ACCEL_TO_DECEL` lacks of the acceleration, and `MINIMUM_CRUISE_RATIO` goes
+/// before it.
+#[test]
+fn klipper_takes_accel_to_decel_for_a_ratio() {
+    let mut settings = KlipperSettings::with_defaults(300.0, 3000.0, 0.4, 1.75);
+    let mut ratio = |accel, accel_to_decel, minimum_cruise_ratio| {
+        let limit = VelocityLimit { accel, accel_to_decel, minimum_cruise_ratio, ..VelocityLimit::default() };
+        (settings.change(&Change::VelocityLimit(limit)), settings.minimum_cruise_ratio)
+    };
+    assert_eq!(ratio(None, Some(750.0), None), (Effect::Changed, 0.75));
+    assert_eq!(ratio(Some(1000.0), Some(900.0), None), (Effect::Changed, 1.0 - 0.9));
+    assert_eq!(ratio(None, Some(5000.0), None), (Effect::Changed, 0.0));
+    assert_eq!(ratio(None, Some(100.0), Some(0.25)), (Effect::Changed, 0.25));
+    assert_eq!(ratio(None, Some(0.0), None), (Effect::Refused, 0.25));
+    assert_eq!(ratio(None, None, Some(1.0)), (Effect::Refused, 0.25));
+}
+
 #[test]
 fn marlin_takes_its_commands() {
     let mut settings = MarlinSettings::example(DEVIATION);

@@ -51,6 +51,7 @@ impl Replies for JobReplies<'_> {
         let kind = match (remarks.is_unknown(), remarks.is_not_executed()) {
             (true, _) => RemarkKind::Unknown,
             (false, true) => RemarkKind::NoEffect,
+            (false, false) if remarks.is_corner_limits_alone() => RemarkKind::Corner,
             (false, false) if remarks.is_no_effect_alone() && is_corner_limit(text) => RemarkKind::Corner,
             (false, false) => RemarkKind::Ignored,
         };

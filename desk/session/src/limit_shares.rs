@@ -21,17 +21,15 @@ pub struct LimitShare {
 pub struct RulesReport {
     /// Name of the rules.
     pub name: &'static str,
-    /// True if M205 X Y Z E changes limits of these rules.
-    pub has_jerk: bool,
     /// Time and moves of each limit that held, the longest time first.
     pub limits: Vec<LimitShare>,
 }
 
 impl RulesReport {
-    /// Leaves only those remarks of this firmware that hold for the other one too: the rules may obey
-    /// what this firmware takes from the profile.
+    /// Leaves only those remarks of this firmware that hold for the other one too: what that one makes
+    /// of limits has remarks of its own.
     pub fn keep(&self, remarks: &mut Vec<Remark>) {
-        remarks.retain(|remark| !(self.has_jerk && remark.kind == RemarkKind::Corner));
+        remarks.retain(|remark| remark.kind != RemarkKind::Corner);
     }
 }
 

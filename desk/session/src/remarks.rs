@@ -16,8 +16,12 @@ const MAX_LINES: usize = 5;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RemarkKind {
-    /// Limits at corners (M205) that this machine takes from its profile: the part is the same, and `--strict` lets it pass.
+    /// Limits at corners and of short moves (M205, SET_VELOCITY_LIMIT) that this machine takes from
+    /// its profile: the part is the same, and `--strict` lets it pass.
     Corner,
+    /// A command of limits that the firmware does not have or refuses by whose rules the job is
+    /// planned; `--strict` lets it pass.
+    Foreign,
     /// A command or word without effect on this machine.
     NoEffect,
     /// A word that is ignored or changed.
@@ -38,6 +42,13 @@ pub enum RemarkKind {
     HeaterOn,
     /// A file without a command.
     NoCommands,
+}
+
+impl RemarkKind {
+    /// Returns true if the part is the same all the same, so that `--strict` lets it pass.
+    pub const fn is_harmless(self) -> bool {
+        matches!(self, Self::Corner | Self::Foreign)
+    }
 }
 
 /// A remark.

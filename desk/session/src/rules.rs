@@ -11,10 +11,12 @@ mod motion;
 mod observer;
 mod plan;
 mod reader;
+mod refusals;
 mod settings;
 
 pub use machine::{MachineError, RuledMachine};
 pub use motion::RulesMotion;
 pub use observer::{Piece, PlanObserver};
 pub use reader::RulesReader;
+pub use refusals::Refusals;
 pub use settings::ByRules;

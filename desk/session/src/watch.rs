@@ -1,5 +1,7 @@
 //! Observes a rehearsal for remarks that no single line shows.
 
+use std::rc::Rc;
+
 use ferrostep_hal_shim::Heater;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_printer::{Heating, Ports, Printer, Profile, Tally};
@@ -7,6 +9,7 @@ use ferrostep_printer::{Heating, Ports, Printer, Profile, Tally};
 use crate::command_code::code;
 use crate::job::Onlooker;
 use crate::remarks::{RemarkKind, RemarkList};
+use crate::rules::Refusals;
 
 /// Commands that wait for a person: pauses, and filament changes.
 const PAUSES: [&str; 8] = ["M0", "M1", "M25", "M125", "M226", "M600", "M601", "PAUSE"];
@@ -32,6 +35,7 @@ pub struct Watch<'a> {
     position_10nm: [i64; 4],
     /// The line that asks for the greatest flow, and that flow, mm^3/s.
     most: Option<(u32, f64)>,
+    refusals: Option<Rc<Refusals>>,
 }
 
 impl<'a> Watch<'a> {
@@ -47,7 +51,14 @@ impl<'a> Watch<'a> {
             tally: Tally::default(),
             position_10nm: [0; 4],
             most: None,
+            refusals: None,
         }
+    }
+
+    /// The same with remarks about commands that another firmware does not have or refuses.
+    #[must_use]
+    pub fn with_refusals(self, refusals: Option<Rc<Refusals>>) -> Self {
+        Self { refusals, ..self }
     }
 
     /// Adds the remark about a text without commands; one that was not read to its end may have them. A prepared job, whose lines are not
@@ -123,6 +134,9 @@ impl<P: Ports> Onlooker<P> for Watch<'_> {
             && flow > limit.max(self.most.map_or(0.0, |(_, most)| most))
         {
             self.most = Some((self.line, flow));
+        }
+        while let Some(message) = self.refusals.as_ref().and_then(|refusals| refusals.take()) {
+            self.remarks.note(RemarkKind::Foreign, Some(self.line), message);
         }
         self.tally = tally;
         self.position_10nm = position_10nm;

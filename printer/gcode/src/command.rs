@@ -232,6 +232,10 @@ pub enum Command<'a> {
         acceleration: Option<Decimal>,
         /// SQUARE_CORNER_VELOCITY: the speed in a corner of 90 degrees.
         corner: Option<Decimal>,
+        /// MINIMUM_CRUISE_RATIO of short moves; without effect here.
+        cruise_ratio: Option<Decimal>,
+        /// ACCEL_TO_DECEL of short moves, which Klipper had before; without effect here.
+        to_deceleration: Option<Decimal>,
     },
     /// TURN_OFF_HEATERS: targets of 0.
     HeatersOff,

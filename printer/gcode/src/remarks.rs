@@ -242,6 +242,13 @@ impl Remarks {
         self.no_effect |= letters;
     }
 
+    /// True if the only remark is about limits of corners and short moves.
+    pub fn is_corner_limits_alone(&self) -> bool {
+        let mut alone = Self::NONE;
+        alone.add(Remark::CornerLimits);
+        *self == alone
+    }
+
     /// True if the only remarks are about words without effect.
     pub fn is_no_effect_alone(&self) -> bool {
         *self == Self { no_effect: self.no_effect, ..Self::NONE }

@@ -341,7 +341,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::Acceleration { print, retract, travel, both } => {
                 self.set_acceleration(print, retract, travel, both)?;
             }
-            Command::VelocityLimit { velocity, acceleration, corner } => {
+            Command::VelocityLimit { velocity, acceleration, corner, .. } => {
                 self.set_velocity_limit(velocity, acceleration, corner)?;
             }
             Command::Junction { deviation, corner_velocity } => self.set_corners(deviation, &corner_velocity)?,

@@ -104,8 +104,8 @@ fn values_differ(one: &Command<'_>, two: &Command<'_>) -> bool {
             C::Acceleration { print: print_2, retract: retract_2, travel: travel_2, both: both_2 },
         ) => (print, retract, travel, both) != (print_2, retract_2, travel_2, both_2),
         (
-            C::VelocityLimit { velocity, acceleration, corner },
-            C::VelocityLimit { velocity: velocity_2, acceleration: acceleration_2, corner: corner_2 },
+            C::VelocityLimit { velocity, acceleration, corner, .. },
+            C::VelocityLimit { velocity: velocity_2, acceleration: acceleration_2, corner: corner_2, .. },
         ) => (velocity, acceleration, corner) != (velocity_2, acceleration_2, corner_2),
         (
             C::Junction { deviation, corner_velocity },

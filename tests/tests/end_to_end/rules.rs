@@ -62,6 +62,56 @@ fn limits_in_the_file_are_read_as_each_firmware_reads_them() {
     assert!(wide < narrow - 0.05, "{wide} s, {narrow} s");
 }
 
+/// The words of SET_VELOCITY_LIMIT about short moves act by Klipper's rules. A move of 2 mm with a
+/// ratio of 0 is as fast as the acceleration allows.
+#[test]
+fn klippers_short_moves_have_their_ratio() {
+    let short = "G28\nG1 X2 F6000\n";
+    let with = |words: &str| motion_s(&format!("SET_VELOCITY_LIMIT {words}\n{short}"), "klipper");
+    let seconds = 2.0 * (2.0f64 / 1000.0).sqrt();
+    assert!((with("MINIMUM_CRUISE_RATIO=0") - seconds).abs() < 1e-3);
+    // The speed is that of half the acceleration.
+    let peak_mm_per_s = (2.0f64 * 500.0).sqrt();
+    let slower = 2.0 / peak_mm_per_s + peak_mm_per_s / 1000.0;
+    for words in ["MINIMUM_CRUISE_RATIO=0.5", "ACCEL_TO_DECEL=500", "ACCEL=1000 ACCEL_TO_DECEL=500"] {
+        assert!((with(words) - slower).abs() < 1e-3, "{words}: {} s, expected {slower}", with(words));
+    }
+}
+
+/// A command of limits that the firmware does not have, refuses, or takes without effect.
+#[test]
+fn what_the_firmware_does_not_take_has_one_remark() {
+    for (line, rules, message) in [
+        ("M203 X50", "klipper", "M203: Klipper has no such command, and keeps its limits"),
+        ("M205 X8", "klipper", "M205: Klipper has no such command, and keeps its limits"),
+        ("M204 P500", "klipper", "M204: Klipper refuses it, and keeps its limits"),
+        (
+            "SET_VELOCITY_LIMIT MINIMUM_CRUISE_RATIO=2",
+            "klipper",
+            "SET_VELOCITY_LIMIT: Klipper refuses it, and keeps its limits",
+        ),
+        ("M205 X8", "marlin-junction-deviation", "M205: its words change no limit of Marlin with junction deviation"),
+        (
+            "SET_VELOCITY_LIMIT ACCEL=500",
+            "rrf",
+            "SET_VELOCITY_LIMIT: RepRapFirmware has no such command, and keeps its limits",
+        ),
+    ] {
+        let summary = estimate(&format!("{line}\n{MOVE}{line}\n"), rules);
+        let remarks = summary["remarks"].as_array().unwrap();
+        assert_eq!(remarks.len(), 1, "{line}, {rules}: {summary}");
+        assert_eq!(remarks[0], serde_json::json!({"kind": "foreign", "message": message, "count": 2, "lines": [1, 4]}));
+    }
+    for (line, rules) in [
+        ("M203 X50", "rrf"),
+        ("M205 X8", "marlin-classic-jerk"),
+        ("SET_VELOCITY_LIMIT ACCEL=500 ACCEL_TO_DECEL=250", "klipper"),
+    ] {
+        let summary = estimate(&format!("{line}\n{MOVE}"), rules);
+        assert_eq!(summary["remarks"], serde_json::json!([]), "{line}, {rules}");
+    }
+}
+
 #[test]
 fn waits_and_homing_take_the_time_of_every_estimate() {
     let lines = "M140 S50\nM104 S200\nG28\nM190 S50\nM109 S200\nG4 P2500\nG1 X50 E2 F3000\nG28 X\nG1 Y30\n";

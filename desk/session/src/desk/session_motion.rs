@@ -10,6 +10,7 @@ use ferrostep_printer::{FanDemand, Motion, Signals};
 use super::figures::Figures;
 use super::line_ends::LineEnds;
 use crate::limit_shares::RulesReport;
+use crate::rules::Refusals;
 
 /// The state of planner and motors, independent of how time passes.
 pub trait MotionState {
@@ -69,6 +70,11 @@ pub trait Desk {
     /// Returns what another firmware's rules made of the motion; `None` if this
     /// firmware has planned it.
     fn rules(&self) -> Option<RulesReport> {
+        None
+    }
+    /// Returns the commands that another firmware does not have or refuses by whose rules the job is
+    /// planned; `None` if this firmware plans it.
+    fn refusals(&self) -> Option<Rc<Refusals>> {
         None
     }
     /// Notes from now on where the motion of each source line ends; `false` if the desk does not

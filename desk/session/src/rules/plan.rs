@@ -8,10 +8,11 @@ use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_planner::{Move, TICKS_PER_SECOND};
 use ferrostep_rules::arcs::{Arc, ArcCut, MarlinArcs};
-use ferrostep_rules::{Move as RulesMove, MoveError, PlannedMove, Rules};
+use ferrostep_rules::{Move as RulesMove, MoveError, PlannedMove};
 
 use super::changes;
 use super::observer::{Piece, PlanObserver};
+use super::refusals::Refusals;
 use super::settings::ByRules;
 use crate::desk::LineEnds;
 use crate::limit_shares::{RulesReport, Settled, Shares};
@@ -46,8 +47,12 @@ pub(super) struct Plan {
     /// The ends of lines, if someone follows them.
     line_ends: Option<Rc<LineEnds>>,
     observer: Option<Box<dyn PlanObserver>>,
+    /// Commands of the present line that the firmware does not have or refuses.
+    refusals: Rc<Refusals>,
     /// The planner's moves, for the observer.
     waiting: VecDeque<Waiting>,
+    /// Moves that are too short for the firmware, and that it makes with the next one.
+    carried: Option<Waiting>,
 }
 
 impl Plan {
@@ -62,8 +67,15 @@ impl Plan {
             own_ticks: 0,
             line_ends: None,
             observer: None,
+            refusals: Rc::default(),
             waiting: VecDeque::new(),
+            carried: None,
         }
+    }
+
+    /// Commands of the present line that the firmware does not have or refuses.
+    pub fn refusals(&self) -> Rc<Refusals> {
+        Rc::clone(&self.refusals)
     }
 
     /// Tells an observer of all motion from now on; none has been planned.
@@ -85,7 +97,9 @@ impl Plan {
 
     /// Takes a command.
     pub fn see(&mut self, command: &Command<'_>, unit_mm: f64) {
-        changes::see(&mut self.by.planner, command, unit_mm);
+        if let Some((name, effect)) = changes::see(&mut self.by.planner, command, unit_mm) {
+            self.refusals.note(name, self.by.rules.firmware(), effect);
+        }
     }
 
     /// The moves up to the one that ends its line are chords of an arc from here.
@@ -132,11 +146,19 @@ impl Plan {
         let planner = &mut self.by.planner;
         let before = planner.queued();
         planner.push(one, &mut self.released)?;
-        // Moves that are too short for the firmware are left out.
-        let is_taken = planner.queued() + self.released.len() > before;
-        if is_taken && self.observer.is_some() {
-            let RulesMove { displacement_mm, feed_mm_per_s, .. } = *one;
-            self.waiting.push_back(Waiting { start_mm, displacement_mm, feed_mm_per_s });
+        if self.observer.is_some() {
+            let RulesMove { mut displacement_mm, feed_mm_per_s, .. } = *one;
+            let carried = self.carried.take();
+            for (part, carried) in displacement_mm.iter_mut().zip(carried.map_or([0.0; 4], |one| one.displacement_mm)) {
+                *part += carried;
+            }
+            let start_mm = carried.map_or(start_mm, |one| one.start_mm);
+            let waiting = Waiting { start_mm, displacement_mm, feed_mm_per_s };
+            if planner.queued() + self.released.len() > before {
+                self.waiting.push_back(waiting);
+            } else {
+                self.carried = Some(waiting);
+            }
         }
         self.count();
         Ok(())
@@ -164,8 +186,7 @@ impl Plan {
 
     /// The rules, and the shares of their limits.
     pub fn report(&self) -> RulesReport {
-        let has_jerk = matches!(self.by.rules, Rules::MarlinClassicJerk | Rules::Rrf);
-        RulesReport { name: self.by.rules.name(), has_jerk, limits: self.shares.shares() }
+        RulesReport { name: self.by.rules.name(), limits: self.shares.shares() }
     }
 
     fn arc_cut(&self) -> ArcCut {

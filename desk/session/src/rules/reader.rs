@@ -10,6 +10,7 @@ use ferrostep_printer::{FanDemand, Motion, MotionError, Profile, Signals};
 use super::motion::RulesMotion;
 use super::observer::PlanObserver;
 use super::plan::{Plan, millimetres};
+use super::refusals::Refusals;
 use super::settings::ByRules;
 use crate::desk::{
     Desk, DeskDrivers, DeskTime, Figures, LOOK_AHEAD_BLOCKS, LineEnds, MotionState, PlanReader, PlannedMotion,
@@ -128,6 +129,10 @@ impl Desk for RulesReader {
 
     fn rules(&self) -> Option<RulesReport> {
         Some(self.plan.borrow().report())
+    }
+
+    fn refusals(&self) -> Option<Rc<Refusals>> {
+        Some(self.plan.borrow().refusals())
     }
 
     fn follow_lines(&self, ends: Rc<LineEnds>) -> bool {

@@ -83,3 +83,81 @@ impl Recorder {
         self.stand(place);
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use ferrostep_simulator::nozzle::NozzleSettings;
+
+    use super::*;
+    use crate::lines::LineState;
+
+    fn recorder() -> Recorder {
+        let unit = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        Recorder::of_plan(Machine {
+            tick_hz: 1000,
+            mm_per_step: unit,
+            filament_mm_per_step: 1.0,
+            filament_mm2: 2.0,
+            nozzle: NozzleSettings::default(),
+            max_nodes: 100,
+        })
+        .unwrap()
+    }
+
+    fn phase(seconds: f64, speeds_mm_per_s: [f64; 2], limit: u8) -> Phase {
+        Phase { seconds, speeds_mm_per_s, limit }
+    }
+
+    /// A print of 20 mm without a ramp at its end, and a retraction after a wait.
+    #[test]
+    fn phases_retractions_and_waits_become_nodes() {
+        let mut recorder = recorder();
+        recorder.stands(1000, [5.0, 0.0, 0.2]);
+        recorder.note_state(3, LineState { layer: Some(4), feature: 2, ..LineState::default() });
+        let phases = [phase(1.0, [0.0, 10.0], 1), phase(1.5, [10.0, 10.0], 2), phase(0.0, [10.0, 10.0], 1)];
+        let line = ExecutedMove {
+            line: 3,
+            start_mm: [5.0, 0.0, 0.2],
+            displacement_mm: [20.0, 0.0, 0.0, 1.0],
+            feed_mm_per_s: 10.0,
+            phases,
+        };
+        recorder.ran(&line);
+        recorder.executes(4);
+        recorder.waited(3500, 2.0, false);
+        let phases = [phase(0.1, [0.0, 20.0], 3), phase(0.0, [20.0, 20.0], 2), phase(0.1, [20.0, 0.0], 3)];
+        let retraction = ExecutedMove {
+            line: 5,
+            start_mm: [25.0, 0.0, 0.2],
+            displacement_mm: [0.0, 0.0, 0.0, -2.0],
+            phases,
+            ..line
+        };
+        recorder.ran(&retraction);
+        let nodes = recorder.finish().nodes;
+        let found: Vec<_> = nodes
+            .iter()
+            .map(|node| (node.kind, node.line, node.time_s, node.position_mm[0], node.speed_mm_per_s, node.limit))
+            .collect();
+        let expected = [
+            (Kind::Travel, 0, 0.0, 0.0, 0.0, 0),
+            (Kind::Homing, 0, 1.0, 5.0, 0.0, 0),
+            (Kind::Print, 3, 2.0, 10.0, 10.0, 1),
+            (Kind::Print, 3, 3.5, 25.0, 10.0, 2),
+            (Kind::Wait, 4, 5.5, 25.0, 0.0, 0),
+            (Kind::Retract, 5, 5.7, 25.0, 0.0, 3),
+        ];
+        assert_eq!(found.len(), expected.len(), "{found:?}");
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((found.2 - expected.2).abs() < 1e-9, "{found:?}, expected {expected:?}");
+            assert_eq!(
+                (found.0, found.1, found.3, found.4, found.5),
+                (expected.0, expected.1, expected.3, expected.4, expected.5)
+            );
+        }
+        let [print, retraction] = [&nodes[3], &nodes[5]];
+        assert_eq!((print.layer, print.feature, print.bead), (4, 2, 0.1));
+        assert_eq!(retraction.bead, -2.0);
+    }
+}

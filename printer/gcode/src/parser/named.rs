@@ -400,12 +400,14 @@ const VELOCITY_WORDS: &str = "VELOCITY, ACCEL, SQUARE_CORNER_VELOCITY, ACCEL_TO_
 fn velocity_limit(words: &NamedWords<'_>, remarks: &mut Remarks) -> Result<Command<'static>, ParseError> {
     let (velocity, acceleration) = (words.above_zero("VELOCITY")?, words.above_zero("ACCEL")?);
     let corner = words.above_zero("SQUARE_CORNER_VELOCITY")?;
-    if ["ACCEL_TO_DECEL", "MINIMUM_CRUISE_RATIO"].iter().any(|key| words.value(key).is_some()) {
+    let [cruise_ratio, to_deceleration] = ["MINIMUM_CRUISE_RATIO", "ACCEL_TO_DECEL"].map(|key| words.value(key));
+    if cruise_ratio.is_some() || to_deceleration.is_some() {
         remarks.add(Remark::CornerLimits);
     } else if velocity.is_none() && acceleration.is_none() && corner.is_none() {
         return Err(words.expected());
     }
-    Ok(Command::VelocityLimit { velocity, acceleration, corner })
+    let [cruise_ratio, to_deceleration] = [cruise_ratio, to_deceleration].map(|value| Decimal::parse(value?).ok());
+    Ok(Command::VelocityLimit { velocity, acceleration, corner, cruise_ratio, to_deceleration })
 }
 
 /// SET_PRESSURE_ADVANCE.

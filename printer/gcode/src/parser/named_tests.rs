@@ -10,12 +10,25 @@ fn limits_heat_layers_and_pauses_are_executed() {
         velocity: (!velocity.is_empty()).then(|| number(velocity)),
         acceleration: (!acceleration.is_empty()).then(|| number(acceleration)),
         corner: None,
+        cruise_ratio: None,
+        to_deceleration: None,
+    };
+    let short_moves = |ratio, to_deceleration| Command::VelocityLimit {
+        velocity: None,
+        acceleration: some("3000"),
+        corner: None,
+        cruise_ratio: ratio,
+        to_deceleration,
     };
     let corners = "of the limits VELOCITY, ACCEL and SQUARE_CORNER_VELOCITY have an effect";
     reads("SET_VELOCITY_LIMIT ACCEL=3000", limit("", "3000"));
     reads("set_velocity_limit velocity=150.5  Accel=3000 ACCEL=2000", limit("150.5", "2000"));
-    reads_with("SET_VELOCITY_LIMIT ACCEL=3000 ACCEL_TO_DECEL=1500", limit("", "3000"), corners);
-    let corner = Command::VelocityLimit { velocity: None, acceleration: None, corner: Some(number("5")) };
+    reads_with("SET_VELOCITY_LIMIT ACCEL=3000 ACCEL_TO_DECEL=1500", short_moves(None, some("1500")), corners);
+    reads_with("SET_VELOCITY_LIMIT ACCEL=3000 MINIMUM_CRUISE_RATIO=0.25", short_moves(some("0.25"), None), corners);
+    reads_with("SET_VELOCITY_LIMIT ACCEL=3000 ACCEL_TO_DECEL=fast", limit("", "3000"), corners);
+    let Command::VelocityLimit { velocity, acceleration, .. } = limit("", "") else { unreachable!() };
+    let corner = Some(number("5"));
+    let corner = Command::VelocityLimit { velocity, acceleration, corner, cruise_ratio: None, to_deceleration: None };
     reads("SET_VELOCITY_LIMIT SQUARE_CORNER_VELOCITY=5", corner);
     reads("SET_HEATER_TEMPERATURE HEATER=extruder TARGET=210", Command::SetNozzle(Some(0), some("210")));
     reads("SET_HEATER_TEMPERATURE HEATER=heater_bed TARGET=60.5", Command::SetBed(some("60.5")));
