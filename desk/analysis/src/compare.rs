@@ -109,7 +109,7 @@ pub fn compare(asked: [Asked<'_>; 2], keys: &[String], frequency_hz: Option<[f64
 }
 
 fn side(asked: Asked<'_>, keys: &[String], frequency_hz: Option<[f64; 2]>) -> Result<(Side, String), String> {
-    let Asked { file, machine: RuledMachine { profile, by }, changes } = asked;
+    let Asked { file, machine: RuledMachine { profile, by, .. }, changes } = asked;
     let name = ferrostep_session::input::name(file);
     let open = || Input::open(file).map_err(|error| format!("{name}: {error}"));
     let mut input = open()?;

@@ -7,4 +7,5 @@ pub mod method_comparison;
 pub mod recording;
 pub mod simulation;
 pub mod sweep;
+pub mod took;
 mod without_commands;

@@ -273,16 +273,16 @@ fn set(table: &mut Table, key: &str, value: f64) -> Result<(), String> {
 }
 
 /// Time of the print, s, moves that were slowed, and lines left out.
-fn estimate(file: &Path, machine: RuledMachine, dropped: &Dropped) -> Result<(f64, u64, u64), SweepError> {
+pub(crate) fn estimate(file: &Path, machine: RuledMachine, dropped: &Dropped) -> Result<(f64, u64, u64), SweepError> {
     let input = Input::open(file).map_err(SweepError::Input)?;
     if input.is_prepared() {
         return Err(SweepError::Prepared);
     }
     let mut input = WithoutCommands::new(input, dropped);
-    let RuledMachine { profile, by } = machine;
+    let RuledMachine { profile, by, factors, .. } = machine;
     let replies = JobReplies::new(|_: &str| {});
     let figures = match by {
-        None => figures(&mut input, &Session::estimate(profile, LOOK_AHEAD_BLOCKS, replies))?,
+        None => figures(&mut input, &Session::estimate_with(profile, LOOK_AHEAD_BLOCKS, factors, replies))?,
         Some(by) => figures(&mut input, &Session::by_rules(profile, by, replies))?,
     };
     Ok((figures.print_time_s, figures.slowed_moves, input.lines_dropped()))

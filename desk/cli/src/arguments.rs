@@ -18,6 +18,7 @@ use ferrostep_analysis::sweep::Values;
 use ferrostep_host::printer_line::Address;
 use ferrostep_import::{ApiKey, Url};
 use ferrostep_profiles::PlannedBy;
+use ferrostep_session::took::Duration;
 
 use values::{edge, rules};
 
@@ -162,6 +163,10 @@ pub enum Command {
         /// rules.planned_by].
         #[arg(long, value_name = "RULES", value_parser = rules())]
         rules: Option<PlannedBy>,
+        /// The time that the printer took, as 5h01 or 5:01:30: finds the limits that would
+        /// explain it.
+        #[arg(long, value_name = "TIME", conflicts_with = "error_budget")]
+        took: Option<Duration>,
     },
     /// Writes the print's time into its G-code, where slicers and hosts read it: comments, M73.
     /// Exit status 0 and one line, as slicers expect of a post-processing script.

@@ -19,6 +19,7 @@ use ferrostep_session::macros::Macros;
 use ferrostep_session::parts::Parts;
 use ferrostep_session::remarks::Remark;
 use ferrostep_session::report::{Motors, Stop, Summary};
+use ferrostep_session::took::Took;
 use ferrostep_session::watch::Watch;
 use ferrostep_session::{JobReplies, Session};
 
@@ -73,13 +74,15 @@ pub fn strict(file: &Path, remarks: &[Remark]) -> ExitCode {
     }
 }
 
-/// Runs the job, a prepared one from a frame on, and prints its summary.
+/// Runs the job, a prepared one from a frame on, and prints its summary. `explain` tells, of the
+/// estimated time, what would explain a measured one.
 pub fn run<D: Desk>(
     job: &JobArguments,
     mut input: Input,
     session: &Session<D, JobReplies<'_>>,
     progress: &Progress,
     from: u32,
+    explain: impl FnOnce(f64) -> Result<Option<Took>, String>,
 ) -> ExitCode {
     let started = Instant::now();
     let profile = session.profile();
@@ -116,6 +119,15 @@ pub fn run<D: Desk>(
     }
     let (rules, limits) = report.map(|report| (report.name, report.limits)).unzip();
     let tally = printer.tally();
+    let took = match outcome {
+        Ok(()) => explain(figures.print_time_s),
+        // A job that stops has no whole time to compare with.
+        Err(_) => Ok(None),
+    };
+    let took = match took {
+        Ok(took) => took,
+        Err(problem) => return exit_code(Err(format!("{}: {problem}", input::name(&job.file)))),
+    };
     let summary = Summary {
         file: job.file.to_string_lossy().into_owned(),
         profile: profile.name.to_owned(),
@@ -127,6 +139,7 @@ pub fn run<D: Desk>(
         motion_time_s: figures.motion_time_s,
         rules,
         limits,
+        took,
         filament_mm: tally.filament_100pm as f64 / FILAMENT_UNITS_PER_MM as f64,
         position_mm: printer.logical_10nm().map(|length| length as f64 / UNITS_PER_MM as f64).into(),
         motors: D::MAKES_STEPS.then(|| Motors::from(&figures)),

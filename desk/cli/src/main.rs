@@ -61,10 +61,10 @@ fn main() -> ExitCode {
             Some(board) => serve::image::run(board, &arguments),
             None => serve::run(&arguments),
         },
-        Command::Estimate { job, macros, error_budget: Some(values), simulate, rules } => {
+        Command::Estimate { job, macros, error_budget: Some(values), simulate, rules, .. } => {
             sweep::budgets(job, macros, values, simulate, rules)
         }
-        Command::Estimate { job, rules, .. } => estimate::run(&job, rules),
+        Command::Estimate { job, rules, took, .. } => estimate::run(&job, rules, took),
         Command::PostProcess(arguments) => post_process::run(&arguments),
         Command::Sweep(arguments) => sweep::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),

@@ -12,6 +12,7 @@ use crate::job::JobError;
 use crate::limit_shares::LimitShare;
 use crate::parts::PrintParts;
 use crate::remarks::{self, Remark};
+use crate::took::Took;
 
 /// A value for each motor, or each coordinate.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -99,6 +100,9 @@ pub struct Summary {
     /// Time and moves of each limit of these rules.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limits: Option<Vec<LimitShare>>,
+    /// A measured time, and what would explain it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub took: Option<Took>,
     /// The slicer's time, from a comment.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slicer_time_s: Option<f64>,
@@ -167,6 +171,9 @@ impl fmt::Display for Summary {
             let name = if index == 0 { "limited by" } else { "" };
             let (time, moves) = (hms(share.seconds), counted(share.moves, "move"));
             writeln!(out, "  {name:12} {}: {time}, {moves}", share.limit)?;
+        }
+        if let Some(took) = &self.took {
+            took.fmt(out)?;
         }
         writeln!(out, "  filament     {:.3} m", self.filament_mm / 1000.0)?;
         let layers = if self.layers > 0 { format!(", {} layers", self.layers) } else { String::new() };

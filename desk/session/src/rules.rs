@@ -12,6 +12,7 @@ mod observer;
 mod plan;
 mod reader;
 mod refusals;
+mod scale;
 mod settings;
 
 pub use machine::{MachineError, RuledMachine};
@@ -19,4 +20,5 @@ pub use motion::RulesMotion;
 pub use observer::{Piece, PlanObserver};
 pub use reader::RulesReader;
 pub use refusals::Refusals;
+pub use scale::{Scale, Scaled};
 pub use settings::ByRules;

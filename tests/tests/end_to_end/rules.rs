@@ -112,6 +112,40 @@ fn what_the_firmware_does_not_take_has_one_remark() {
     }
 }
 
+/// The time of a print whose file has half the acceleration is explained by half
+/// the acceleration.
+#[test]
+fn a_measured_time_is_explained() {
+    let directory = directory();
+    let zigzag: String = (0..40).map(|y| format!("G1 X{} Y{y} F9000\n", if y % 2 == 0 { 60 } else { 10 })).collect();
+    let job = file(&directory, "job.gcode", format!("G28\nM204 P1000 T1000\n{zigzag}"));
+    let slower = file(&directory, "slower.gcode", format!("G28\nM204 P500 T500\n{zigzag}"));
+    let took = |job: &std::path::Path, rules: &str, time: &str| {
+        let arguments = ["estimate", job.to_str().unwrap(), "--rules", rules, "--took", time, "--json"];
+        let outcome = ferrostep(arguments);
+        assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+        outcome.json()
+    };
+    for rules in FOREIGN {
+        let measured_s = took(&slower, rules, "1h")["print_time_s"].as_f64().unwrap();
+        let summary = took(&job, rules, &format!("{measured_s}s"));
+        let explained = summary["took"]["explained_by"].as_array().unwrap();
+        let factors: Vec<f64> = explained.iter().map(|one| one["factor"].as_f64().unwrap()).collect();
+        let sizes: Vec<f64> = factors.iter().map(|factor| factor.ln().abs()).collect();
+        assert!(sizes.is_sorted(), "{summary:#}");
+        let acceleration = explained.iter().find(|one| one["limit"] == "acceleration").unwrap();
+        assert!((acceleration["factor"].as_f64().unwrap() - 0.5).abs() < 0.03, "{rules}: {summary:#}");
+        assert!(explained.iter().any(|one| one["limit"] == "asked speed"), "{rules}: {summary:#}");
+    }
+    let own = took(&job, "own", "1h");
+    assert_eq!(own["took"]["explained_by"], serde_json::json!([]), "{own:#}");
+    let same = took(&job, "klipper", &format!("{}s", own["print_time_s"]));
+    assert!(same["took"]["difference_s"].as_f64().unwrap().abs() < 60.0, "{same:#}");
+    let outcome = ferrostep(["estimate", job.to_str().unwrap(), "--took", "soon"]);
+    assert_eq!(outcome.status, Some(2));
+    assert!(outcome.stderr.contains("expected 5h01"), "{}", outcome.stderr);
+}
+
 #[test]
 fn waits_and_homing_take_the_time_of_every_estimate() {
     let lines = "M140 S50\nM104 S200\nG28\nM190 S50\nM109 S200\nG4 P2500\nG1 X50 E2 F3000\nG28 X\nG1 Y30\n";

@@ -27,7 +27,8 @@ pub struct ShowArguments {
     /// with the travel in the slicer's comments].
     #[arg(long, value_name = "NAME|PATH")]
     pub profile: Option<String>,
-    /// The firmware by whose rules the file is planned [default: that of the profile's rules.planned_by].
+    /// The firmware by whose rules the file is planned [default: that of the profile's
+    /// rules.planned_by].
     #[arg(long, value_name = "RULES", value_parser = rules())]
     pub rules: Option<PlannedBy>,
     /// Does not open the page.
@@ -65,7 +66,8 @@ pub struct CompareArguments {
     /// The machine of B.
     #[arg(long, value_name = "NAME|PATH")]
     pub profile_b: Option<String>,
-    /// The firmware by whose rules both are planned [default: that of each profile's rules.planned_by].
+    /// The firmware by whose rules both are planned [default: that of each profile's
+    /// rules.planned_by].
     #[arg(long, value_name = "RULES", value_parser = rules())]
     pub rules: Option<PlannedBy>,
     /// Gives a key of B's profile this value: junction_deviation_mm=0.02. The jobs' own commands

@@ -15,7 +15,7 @@ use crate::protected::{inputs, profile_file};
 
 /// Writes the time of the print into its file.
 pub fn run(arguments: &PostProcessArguments) -> Result<ExitCode, String> {
-    let RuledMachine { profile, by } =
+    let RuledMachine { profile, by, .. } =
         RuledMachine::load(&arguments.profile, arguments.rules).map_err(|error| error.to_string())?;
     let protected = match arguments.out {
         Some(_) => inputs(&arguments.file, &arguments.profile),

@@ -58,7 +58,7 @@ pub fn run(
     }
     if trace.is_none() && vcd.is_none() {
         let session = Session::print(profile, look_ahead, (), replies(&progress));
-        return Ok(job::run(arguments, input, &session, &progress, from));
+        return Ok(job::run(arguments, input, &session, &progress, from, |_| Ok(None)));
     }
     let mut recorder = Recorder::default();
     let mut protected = inputs(&arguments.file, machine::name_or_path(arguments.profile.as_deref()));
@@ -74,7 +74,7 @@ pub fn run(
     recorder.vcd =
         vcd.map(|out| VcdWriter::new(out, &profile, window)).transpose().map_err(|error| error.to_string())?;
     let session = Session::print(profile, look_ahead, recorder, replies(&progress));
-    let code = job::run(arguments, input, &session, &progress, from);
+    let code = job::run(arguments, input, &session, &progress, from, |_| Ok(None));
     let recorder = session.into_observer();
     if recorder.waveform_is_empty() {
         tell("note: no motion lies in the waveform's part (--from, --to): it has the levels only");

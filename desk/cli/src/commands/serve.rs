@@ -193,6 +193,7 @@ fn summary(served: Served, address: String, profile: &str, wall: Duration) -> Su
         slicer: None,
         layers: 0,
         rules: None,
+        took: None,
         limits: None,
         parts: None,
         slicer_time_s: None,

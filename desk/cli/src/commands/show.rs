@@ -34,7 +34,7 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
     let name = input::name(&arguments.file);
     let mut input = Input::open(&arguments.file).map_err(|error| format!("{name}: {error}"))?;
     let named = arguments.profile.as_deref();
-    let Machine { ruled: RuledMachine { profile, by }, name: machine } =
+    let Machine { ruled: RuledMachine { profile, by, .. }, name: machine } =
         Machine::of_job(named, arguments.rules, &arguments.file, &input)?;
     // A prepared job has its steps already.
     let by = by.filter(|_| !input.is_prepared());

@@ -3,10 +3,12 @@
 use std::fmt;
 
 use ferrostep_printer::Profile;
-use ferrostep_profiles::{PlannedBy, ProfileError};
-use ferrostep_rules::SettingError;
+use ferrostep_profiles::{PlannedBy, ProfileError, RuleKeys};
+use ferrostep_rules::{Rules, SettingError};
 
+use super::scale::{Scale, Scaled};
 use super::settings::{ByRules, of_profile};
+use crate::desk::LimitFactors;
 
 /// A profile, and the planner of another firmware if its rules hold.
 #[derive(Clone, Debug)]
@@ -15,6 +17,11 @@ pub struct RuledMachine {
     pub profile: Profile,
     /// The planner; `None` for the rules of this firmware.
     pub by: Option<ByRules>,
+    /// Factors of the limits of this firmware's planner.
+    pub factors: LimitFactors,
+    keys: RuleKeys,
+    asked: Option<PlannedBy>,
+    origin: String,
 }
 
 /// Reason for which there is no such machine.
@@ -63,10 +70,29 @@ impl RuledMachine {
     /// [`MachineError`].
     pub fn parse(text: &str, origin: &str, asked: Option<PlannedBy>) -> Result<Self, MachineError> {
         let (profile, keys) = ferrostep_profiles::parse_with_rules(text, origin).map_err(MachineError::Profile)?;
-        let by = of_profile(&profile, &keys, asked).map_err(|error| {
+        Self { profile, by: None, factors: LimitFactors::default(), keys, asked, origin: origin.to_owned() }
+            .scaled(Scale::NONE)
+    }
+
+    /// The same with other limits.
+    ///
+    /// # Errors
+    /// [`MachineError::Limits`].
+    pub fn scaled(&self, scale: Scale) -> Result<Self, MachineError> {
+        let Self { profile, keys, asked, .. } = self;
+        let by = of_profile(profile, keys, *asked, scale).map_err(|error| {
             let rules = asked.unwrap_or(keys.planned_by).name();
-            MachineError::Limits { origin: origin.to_owned(), rules, error }
+            MachineError::Limits { origin: self.origin.clone(), rules, error }
         })?;
-        Ok(Self { profile, by })
+        Ok(Self { by, factors: scale.of_own_planner(), ..self.clone() })
+    }
+
+    /// Returns true if the machine's rules have a limit that can be scaled.
+    pub fn has(&self, limit: Scaled) -> bool {
+        match self.by.as_ref().map(|by| by.rules) {
+            None => matches!(limit, Scaled::Acceleration | Scaled::Corner),
+            Some(Rules::Klipper) => true,
+            Some(_) => limit != Scaled::ShortMove,
+        }
     }
 }

@@ -97,7 +97,7 @@ impl Plan {
 
     /// Takes a command.
     pub fn see(&mut self, command: &Command<'_>, unit_mm: f64) {
-        if let Some((name, effect)) = changes::see(&mut self.by.planner, command, unit_mm) {
+        if let Some((name, effect)) = changes::see(&mut self.by.planner, &self.by.scale, command, unit_mm) {
             self.refusals.note(name, self.by.rules.firmware(), effect);
         }
     }
@@ -113,7 +113,7 @@ impl Plan {
     /// The rules have no plan for it.
     pub fn add(&mut self, one: &Move, from_10nm: [i64; 3], own_ticks: u64) -> Result<(), MoveError> {
         self.own_ticks = own_ticks;
-        let (tag, feed_mm_per_s) = (u64::from(one.line), f64::from(one.feed_mm_per_s));
+        let (tag, feed_mm_per_s) = (u64::from(one.line), f64::from(one.feed_mm_per_s) * self.by.scale.asked_speed);
         match &mut self.arc {
             None => {
                 let displacement_mm = displacement(from_10nm, one.target_10nm, one.filament_100pm);

@@ -8,6 +8,8 @@ use ferrostep_rules::marlin::{Corner, JerkRule, Marlin, MarlinSettings};
 use ferrostep_rules::rrf::{JerkPolicy, Rrf, RrfSettings};
 use ferrostep_rules::{Planner, Rules, SettingError};
 
+use super::scale::Scale;
+
 /// Change of an axis's speed at a corner where the profile has no limit of it, mm/s: Marlin's
 /// example configuration.
 const JERK_MM_PER_S: f64 = 10.0;
@@ -21,6 +23,8 @@ pub struct ByRules {
     pub planner: Planner,
     /// Length of the chords of arcs, mm.
     pub arc_chord_mm: f64,
+    /// Factors of the limits, which those of commands in the file have, too.
+    pub scale: Scale,
 }
 
 /// The planner that a profile asks for, or that is `asked` for instead; `None` for the rules
@@ -32,7 +36,9 @@ pub(super) fn of_profile(
     profile: &Profile,
     keys: &RuleKeys,
     asked: Option<PlannedBy>,
+    scale: Scale,
 ) -> Result<Option<ByRules>, SettingError> {
+    let (profile, keys) = &scale.apply(profile, keys);
     let jerk = jerk(profile, keys);
     let (rules, planner) = match asked.unwrap_or(keys.planned_by) {
         PlannedBy::Own => return Ok(None),
@@ -48,7 +54,7 @@ pub(super) fn of_profile(
         }
         PlannedBy::Rrf => (Rules::Rrf, Planner::Rrf(Rrf::new(rrf(profile, keys, jerk))?)),
     };
-    Ok(Some(ByRules { rules, planner, arc_chord_mm: keys.arc_chord_mm }))
+    Ok(Some(ByRules { rules, planner, arc_chord_mm: keys.arc_chord_mm, scale }))
 }
 
 /// The jerk of each axis, mm/s.
@@ -57,19 +63,25 @@ fn jerk(profile: &Profile, keys: &RuleKeys) -> [f64; 4] {
     keys.jerk_mm_per_s.unwrap_or(of_corners.map(|jerk| if jerk.is_finite() { jerk } else { JERK_MM_PER_S }))
 }
 
+/// The speed of a square corner, mm/s: the profile's, else that of its deviation.
+pub(super) fn square_corner_velocity(profile: &Profile, keys: &RuleKeys) -> f64 {
+    let limits = &profile.limits;
+    let made = limits.junction_deviation_mm * limits.print_acceleration_mm_per_s2 / SQUARE_CORNER_SHARE;
+    keys.square_corner_velocity_mm_per_s.unwrap_or(made.sqrt())
+}
+
 /// Klipper has one limit for X and Y: the smaller one.
 fn klipper(profile: &Profile, keys: &RuleKeys) -> KlipperSettings {
     let limits = &profile.limits;
     let [x_feed, y_feed, z_feed, e_feed] = limits.max_feed_mm_per_s;
     let [x, y, z, e] = limits.max_acceleration_mm_per_s2;
     let [.., filament_corner] = limits.instantaneous_corner_velocity_mm_per_s;
-    let made = limits.junction_deviation_mm * limits.print_acceleration_mm_per_s2 / SQUARE_CORNER_SHARE;
     KlipperSettings {
         max_velocity_mm_per_s: x_feed.min(y_feed),
         max_accel_mm_per_s2: limits.print_acceleration_mm_per_s2.min(x).min(y),
         max_z_velocity_mm_per_s: z_feed,
         max_z_accel_mm_per_s2: z,
-        square_corner_velocity_mm_per_s: keys.square_corner_velocity_mm_per_s.unwrap_or(made.sqrt()),
+        square_corner_velocity_mm_per_s: square_corner_velocity(profile, keys),
         minimum_cruise_ratio: keys.minimum_cruise_ratio,
         max_extrude_only_velocity_mm_per_s: e_feed,
         max_extrude_only_accel_mm_per_s2: limits.retract_acceleration_mm_per_s2.min(e),
@@ -121,9 +133,9 @@ mod tests {
     fn every_name_leads_to_the_rules_of_that_name() {
         let text = ferrostep_profiles::builtin_text("corexy").unwrap();
         let (profile, keys) = ferrostep_profiles::parse_with_rules(text, "corexy").unwrap();
-        assert!(of_profile(&profile, &keys, None).unwrap().is_none());
+        assert!(of_profile(&profile, &keys, None, Scale::NONE).unwrap().is_none());
         for (name, asked) in PlannedBy::NAMED {
-            let found = of_profile(&profile, &keys, Some(asked)).unwrap();
+            let found = of_profile(&profile, &keys, Some(asked), Scale::NONE).unwrap();
             assert_eq!(found.map_or("own", |found| found.rules.name()), name);
         }
     }
@@ -133,7 +145,8 @@ mod tests {
         let base = ferrostep_profiles::builtin_text("cartesian").unwrap();
         let text = format!("{base}\n[rules]\nplanned_by = \"klipper\"\nminimum_cruise_ratio = 0.25\n");
         let (profile, keys) = ferrostep_profiles::parse_with_rules(&text, "test").unwrap();
-        let Some(ByRules { planner: Planner::Klipper(planner), .. }) = of_profile(&profile, &keys, None).unwrap()
+        let Some(ByRules { planner: Planner::Klipper(planner), .. }) =
+            of_profile(&profile, &keys, None, Scale::NONE).unwrap()
         else {
             panic!("expected Klipper's planner");
         };
