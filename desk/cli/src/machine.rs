@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use ferrostep_analysis::sweep::profile_with;
+use ferrostep_analysis::sweep::machine_with;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_printer::Profile;
 use ferrostep_profiles::PlannedBy;
@@ -35,12 +35,7 @@ impl Machine {
     ///
     /// # Errors
     /// The profile cannot be read, or its limits make no plan by the rules.
-    pub fn of_job(
-        named: Option<&str>,
-        asked: Option<PlannedBy>,
-        file: &Path,
-        input: &Input,
-    ) -> Result<Self, String> {
+    pub fn of_job(named: Option<&str>, asked: Option<PlannedBy>, file: &Path, input: &Input) -> Result<Self, String> {
         let ruled = RuledMachine::load(name_or_path(named), asked).map_err(|error| error.to_string())?;
         let profile = ruled.profile;
         let built_in = Self { ruled, name: profile.name.to_owned() };
@@ -63,13 +58,12 @@ impl Machine {
             return Ok(built_in);
         }
         let shown = ShownTravel(travel_mm);
-        match with_travel(travel_mm) {
-            Ok(profile) => {
+        match with_travel(travel_mm, asked) {
+            Ok(ruled) => {
                 tell(format_args!(
                     "note: the machine is {BUILT_IN} with the travel in the comments of {name}, {shown}: name your \
                      printer with --profile"
                 ));
-                let ruled = RuledMachine { profile, ..built_in.ruled };
                 Ok(Self { ruled, name: format!("{BUILT_IN} with the file's travel, {shown}") })
             }
             Err(problem) => {
@@ -90,7 +84,7 @@ fn travel_mm(profile: &Profile) -> [[f64; 2]; 3] {
 }
 
 /// The built-in profile with another travel; it homes at its lower ends.
-fn with_travel(travel_mm: [[f64; 2]; 3]) -> Result<Profile, String> {
+fn with_travel(travel_mm: [[f64; 2]; 3], asked: Option<PlannedBy>) -> Result<RuledMachine, String> {
     let text = ferrostep_profiles::text(BUILT_IN).map_err(|error| error.to_string())?;
     let mut values = Vec::new();
     for (axis, [lower, upper]) in ["x", "y", "z"].iter().zip(travel_mm) {
@@ -98,5 +92,5 @@ fn with_travel(travel_mm: [[f64; 2]; 3]) -> Result<Profile, String> {
         values.push((format!("size_mm.{axis}"), upper));
         values.push((format!("homing.{axis}.position_mm"), lower));
     }
-    profile_with(&text, BUILT_IN, &values).map_err(|error| error.to_string())
+    machine_with(&text, BUILT_IN, &values, asked).map_err(|error| error.to_string())
 }

@@ -1,6 +1,5 @@
-//! The job's file: G-code as text or binary, or in a sliced 3MF, or a prepared job, plain or gzip, read in portions; or the same from
-//! standard input.
-//! The content decides the kind, not the name.
+//! The job's file: G-code as text or binary, or in a sliced 3MF, or a prepared job, plain or gzip,
+//! read in portions; or the same from standard input. The content decides the kind, not the name.
 
 mod binary;
 mod foreign;
@@ -35,8 +34,8 @@ const LOOK_BYTES: usize = 64 * 1024;
 /// Bytes at each end of a file in which slicers write their settings.
 const SETTINGS_BYTES: u64 = 256 * 1024;
 
-/// Bytes to wait for on a pipe that brings them piece by piece, or the end of a line: a person who types G-code into a pipe gets
-/// an answer to each line.
+/// Bytes to wait for on a pipe that brings them piece by piece, or the end of a line: a person who
+/// types G-code into a pipe gets an answer to each line.
 const AWAITED_BYTES: usize = 512;
 
 /// First bytes of a gzip file.
@@ -45,10 +44,12 @@ const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
 /// First bytes of a zip archive, and of an empty one.
 const ZIP_MAGICS: [[u8; 4]; 2] = [*b"PK\x03\x04", *b"PK\x05\x06"];
 
-/// The most bytes of an archive that comes through a pipe and is written to a file for a while: its directory is at its end.
+/// The most bytes of an archive that comes through a pipe and is written to a file for a while: its
+/// directory is at its end.
 const MAX_PIPED_BYTES: u64 = 4 << 30;
 
-/// The plate of a sliced 3MF that the command line names, 0 for none: it counts for each time that a file is opened.
+/// The plate of a sliced 3MF that the command line names, 0 for none: it counts for each time that
+/// a file is opened.
 static PLATE: AtomicU32 = AtomicU32::new(0);
 
 /// Reason for which a job could not be started from a file.
@@ -107,7 +108,8 @@ pub fn choose_plate(plate: Option<u32>) {
     PLATE.store(plate.unwrap_or(0), Ordering::Relaxed);
 }
 
-/// All bytes of a file, or of standard input if the path is `-`, as they are: for [`Input::of_bytes`].
+/// All bytes of a file, or of standard input if the path is `-`, as they are: for
+/// [`Input::of_bytes`].
 ///
 /// # Errors
 /// The file cannot be read.
@@ -130,7 +132,8 @@ pub struct Input {
 }
 
 impl Input {
-    /// Opens a file, or standard input if the path is `-`, and decides from its first bytes what it is.
+    /// Opens a file, or standard input if the path is `-`, and decides from its first
+    /// bytes what it is.
     ///
     /// # Errors
     /// The file cannot be read, or is not a job. All checksums of binary G-code are compared.
@@ -291,7 +294,8 @@ pub fn packing(path: &Path) -> io::Result<Option<&'static str>> {
     Ok(is_gzip.then_some("packed with gzip"))
 }
 
-/// The first and the last [`SETTINGS_BYTES`] of a job's text, in which slicers write their settings.
+/// The first and the last [`SETTINGS_BYTES`] of a job's text, in which slicers
+/// write their settings.
 fn ends(path: &Path) -> io::Result<[Vec<u8>; 2]> {
     let (mut start, mut end) = (Vec::new(), Vec::new());
     if packing(path)?.is_some() {

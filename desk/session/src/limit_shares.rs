@@ -27,7 +27,7 @@ pub struct RulesReport {
 
 impl RulesReport {
     /// Leaves only those remarks of this firmware that hold for the other one too: what that one
-    /// makes of limits has remarks of its own.
+    /// makes of limits has other remarks.
     pub fn keep(&self, remarks: &mut Vec<Remark>) {
         remarks.retain(|remark| remark.kind != RemarkKind::Corner);
     }

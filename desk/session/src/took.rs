@@ -7,7 +7,8 @@ use serde::Serialize;
 
 use crate::duration::hms;
 
-/// Difference from the measured time below which the estimate needs no explanation, as a part of it.
+/// Difference from the measured time below which the estimate needs no explanation,
+/// as a part of it.
 const SAME: f64 = 0.005;
 
 /// A limit with which the print would take the measured time.

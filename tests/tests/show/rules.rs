@@ -87,7 +87,7 @@ fn a_move_is_drawn_in_its_three_phases() {
     }
 }
 
-/// Waits lie where they lie in the estimate, and after homing the path goes on from its end.
+/// Waits lie where they lie in the estimate, and after homing the path continues at its end.
 #[test]
 fn waits_and_homing_are_drawn() {
     let folder = job("M140 S50\nG28\nM190 S50\nG1 X50 F6000\nG4 P2500\nG1 Y30\n");

@@ -7,8 +7,8 @@ use super::scale::Scale;
 
 /// Shows a planner a command. `unit_mm` is the unit of the command's lengths, mm.
 ///
-/// A command that the firmware does not have or refuses changes nothing, as on that firmware. Returns
-/// the name of a command of limits, and its effect.
+/// A command that the firmware does not have or refuses changes nothing, as on that firmware.
+/// Returns the name of a command of limits, and its effect.
 pub(super) fn see(
     planner: &mut Planner,
     scale: &Scale,

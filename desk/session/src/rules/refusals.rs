@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use ferrostep_rules::Effect;
 
-/// What a command makes of the limits, in words; the commands of one line, until they are taken.
+/// The effects of a line's commands on the limits, in words, until they are taken.
 #[derive(Debug, Default)]
 pub struct Refusals(RefCell<Vec<String>>);
 

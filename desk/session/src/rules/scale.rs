@@ -24,15 +24,15 @@ pub enum Scaled {
 /// Factors of the limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
-    /// Of the speeds that lines ask for.
+    /// Factor of the speeds that lines ask for.
     pub asked_speed: f64,
-    /// Of the machine's largest speeds.
+    /// Factor of the machine's largest speeds.
     pub largest_speed: f64,
-    /// Of accelerations.
+    /// Factor of accelerations.
     pub acceleration: f64,
-    /// Of speeds of corners.
+    /// Factor of the speeds of corners.
     pub corner: f64,
-    /// Of what the minimum cruise ratio leaves of the acceleration.
+    /// Factor of what the minimum cruise ratio leaves of the acceleration.
     pub short_move: f64,
 }
 

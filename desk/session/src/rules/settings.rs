@@ -23,7 +23,7 @@ pub struct ByRules {
     pub planner: Planner,
     /// Length of the chords of arcs, mm.
     pub arc_chord_mm: f64,
-    /// Factors of the limits, which those of commands in the file have, too.
+    /// Factors of the limits, those that commands set included.
     pub scale: Scale,
 }
 
