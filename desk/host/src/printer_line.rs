@@ -2,7 +2,6 @@
 
 use std::fmt;
 use std::io::{self, BufRead, BufReader, Read, Write};
-use std::net::TcpStream;
 use std::path::Path;
 use std::str::FromStr;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -12,14 +11,12 @@ use std::time::{Duration, Instant};
 
 use serialport::{SerialPortInfo, SerialPortType};
 
+use crate::connection::connect;
 use crate::printable;
 use crate::send::Port;
 
 /// Longest time of one read; a longer wait repeats it.
 const READ: Duration = Duration::from_millis(100);
-
-/// Maximum time to connect.
-const CONNECT: Duration = Duration::from_secs(10);
 
 /// The address of a printer.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -186,22 +183,6 @@ impl PrinterLine {
         });
         Self { output: LineOutput(Arc::new(Mutex::new(Box::new(output)))), lines }
     }
-}
-
-/// Connects to the first address of a host, `NAME:PORT`, that answers.
-///
-/// # Errors
-/// The name is unknown, or no address answers; the error is that of the last.
-pub fn connect(host: &str) -> io::Result<TcpStream> {
-    use std::net::ToSocketAddrs;
-    let mut failed = io::Error::from(io::ErrorKind::AddrNotAvailable);
-    for address in host.to_socket_addrs()? {
-        match TcpStream::connect_timeout(&address, CONNECT) {
-            Ok(stream) => return Ok(stream),
-            Err(error) => failed = error,
-        }
-    }
-    Err(failed)
 }
 
 /// Describes why a port cannot be opened. A device that is not a terminal refuses its settings with ENOTTY, which is

@@ -5,8 +5,8 @@ use std::io::{self, BufRead, BufReader, Read, Write};
 use std::str::FromStr;
 use std::time::{Duration, Instant};
 
+use ferrostep_host::connection::connect;
 use ferrostep_host::printable::one_line;
-use ferrostep_host::printer_line::connect;
 
 /// Largest answer, bytes. A configuration with all its macros has a tenth.
 const MAX_BYTES: usize = 8 << 20;
