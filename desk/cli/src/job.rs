@@ -3,24 +3,16 @@
 use std::cell::Cell;
 use std::path::Path;
 use std::process::ExitCode;
-use std::rc::Rc;
-use std::time::Instant;
 
 use ferrostep_host::printable;
-use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
-use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_printer::Profile;
 use ferrostep_profiles::PlannedBy;
-use ferrostep_session::desk::{Desk, LineEnds, MotionState};
-use ferrostep_session::gpre;
+use ferrostep_session::desk::Desk;
 use ferrostep_session::input::{self, Input};
-use ferrostep_session::job::{self, JobProgress};
-use ferrostep_session::macros::Macros;
-use ferrostep_session::parts::Parts;
+use ferrostep_session::job::JobProgress;
 use ferrostep_session::remarks::Remark;
-use ferrostep_session::report::{Motors, Stop, Summary};
+use ferrostep_session::summed_up::{Wanted, summed_up};
 use ferrostep_session::took::Took;
-use ferrostep_session::watch::Watch;
 use ferrostep_session::{JobReplies, Session};
 
 use crate::arguments::JobArguments;
@@ -84,74 +76,19 @@ pub fn run<D: Desk>(
     from: u32,
     explain: impl FnOnce(f64) -> Result<Option<Took>, String>,
 ) -> ExitCode {
-    let started = Instant::now();
-    let profile = session.profile();
-    let mut printer = session.printer();
-    let mut done = JobProgress::default();
     let place = input.place();
     let look = |job: &JobProgress| progress.show(place.share(), job, || session.figures());
-    let mut watch = Watch::new(profile, session.replies().remarks()).with_refusals(session.desk().refusals());
-    let ends = Rc::new(LineEnds::default());
-    let follows = job.json && !input.is_prepared() && session.desk().follow_lines(Rc::clone(&ends));
-    let mut parts =
-        follows.then(|| Parts::new(ends, || (session.desk().now_ns() as f64 * 1e-9, session.desk().state().tick())));
-    let outcome = if input.is_prepared() {
-        // A prepared job is planned already, and most of it fits into the look-ahead: only its
-        // execution takes time.
-        let job = gpre::play_from(from, &mut input, profile, &mut printer, &mut done, look);
-        session.run_with(job, |session| progress.pass_time(|| session.figures()))
-    } else {
-        let mut onlookers = (&mut watch, &mut parts);
-        let run = job::run_watched(&mut input, &mut printer, &mut done, Macros::chosen(), &mut onlookers, look);
-        let outcome = session.run(run);
-        watch.end_of_text(outcome.is_ok());
-        outcome
-    };
-    watch.end(&session.heating(), outcome.is_ok());
-    let wall_s = started.elapsed().as_secs_f64();
+    let between = || progress.pass_time(|| session.figures());
+    let wanted = Wanted { from, has_parts: job.json };
+    let (mut summary, outcome) = summed_up(&job.file, &mut input, session, wanted, look, between);
     progress.end();
-
-    let figures = session.figures();
-    let report = session.desk().rules();
-    let mut remarks = session.replies().remarks().to_vec();
-    if let Some(report) = &report {
-        report.keep(&mut remarks);
+    // A job that stops has no whole time to compare with.
+    if outcome.is_ok() {
+        match explain(summary.print_time_s) {
+            Ok(took) => summary.took = took,
+            Err(problem) => return exit_code(Err(format!("{}: {problem}", input::name(&job.file)))),
+        }
     }
-    let (rules, limits) = report.map(|report| (report.name, report.limits)).unzip();
-    let tally = printer.tally();
-    let took = match outcome {
-        Ok(()) => explain(figures.print_time_s),
-        // A job that stops has no whole time to compare with.
-        Err(_) => Ok(None),
-    };
-    let took = match took {
-        Ok(took) => took,
-        Err(problem) => return exit_code(Err(format!("{}: {problem}", input::name(&job.file)))),
-    };
-    let summary = Summary {
-        file: job.file.to_string_lossy().into_owned(),
-        profile: profile.name.to_owned(),
-        lines: done.lines,
-        moves: tally.moves,
-        unknown_commands: session.replies().unknown_commands(),
-        clamped_moves: tally.clamped_moves,
-        print_time_s: figures.print_time_s,
-        motion_time_s: figures.motion_time_s,
-        rules,
-        limits,
-        took,
-        filament_mm: tally.filament_100pm as f64 / FILAMENT_UNITS_PER_MM as f64,
-        position_mm: printer.logical_10nm().map(|length| length as f64 / UNITS_PER_MM as f64).into(),
-        motors: D::MAKES_STEPS.then(|| Motors::from(&figures)),
-        wall_s,
-        realtime_factor: figures.motion_time_s / wall_s.max(1e-9),
-        layers: done.layers,
-        parts: parts.map(Parts::finish),
-        slicer: input.description().map(|description| description.figures.clone()),
-        slicer_time_s: done.slicer_time_s.or(input.description().and_then(|said| Some(said.figures.time_s?.into()))),
-        remarks: Some(remarks),
-        stopped: outcome.as_ref().err().map(Stop::from),
-    };
     let code = result(job.json.then_some(&summary), || format!("{summary}\n"));
     match outcome {
         Ok(()) if job.strict && code == ExitCode::SUCCESS => {

@@ -29,6 +29,7 @@ pub mod serve;
 mod session;
 #[cfg(unix)]
 pub mod settings_file;
+pub mod summed_up;
 pub mod took;
 mod version;
 pub mod watch;
