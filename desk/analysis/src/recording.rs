@@ -356,21 +356,29 @@ fn note_time<D: Desk, R: Replies>(session: &Session<D, R>, recorder: &RefCell<Re
     recorder.waited(tick, now_s - tick as f64 / f64::from(TICKS_PER_SECOND), heats);
 }
 
-/// Estimates a file with other limits: words for them, and the print's time, s. None where it stops
-/// or cannot be read.
+/// Other limits with which a file is estimated, and words for them.
+const QUESTIONS: [(&str, LimitFactors); 4] = [
+    ("twice the acceleration", LimitFactors { acceleration: 2.0, corners: 1.0 }),
+    ("four times the acceleration", LimitFactors { acceleration: 4.0, corners: 1.0 }),
+    ("half the acceleration", LimitFactors { acceleration: 0.5, corners: 1.0 }),
+    ("corners rounded four times as far", LimitFactors { acceleration: 1.0, corners: 4.0 }),
+];
+
+/// Estimates a file with other limits, each in a thread: words for them, and the print's time, s.
+/// None where it stops or cannot be read.
 pub fn chances(profile: Profile, file: &Path) -> Vec<(String, f64)> {
-    let factors = |acceleration, corners| LimitFactors { acceleration, corners };
-    let questions = [
-        ("twice the acceleration", factors(2.0, 1.0)),
-        ("four times the acceleration", factors(4.0, 1.0)),
-        ("half the acceleration", factors(0.5, 1.0)),
-        ("corners rounded four times as far", factors(1.0, 4.0)),
-    ];
     std::thread::scope(|scope| {
-        let asked = questions.map(|(words, factors)| (words, scope.spawn(move || estimate(profile, file, factors))));
+        let asked = QUESTIONS.map(|(words, factors)| (words, scope.spawn(move || estimate(profile, file, factors))));
         let answers = asked.map(|(words, thread)| Some((words.to_owned(), thread.join().ok()??)));
         answers.into_iter().flatten().collect()
     })
+}
+
+/// Estimates as [`chances`] does, one after the other: for programs without threads.
+pub fn chances_in_turn(profile: Profile, file: &Path) -> impl Iterator<Item = (String, f64)> {
+    QUESTIONS
+        .into_iter()
+        .filter_map(move |(words, factors)| Some((words.to_owned(), estimate(profile, file, factors)?)))
 }
 
 /// Time of a file's print with other limits, s.

@@ -36,7 +36,7 @@ pub use findings::{Finding, Outcome, Remarked, Weight};
 pub use lines::LineState;
 pub use marks::{Mark, Marks};
 pub use node::{Kind, Node};
-pub use page::{Job, LimitTime, RulesShown, write_page};
+pub use page::{Job, LimitTime, RulesShown, Sources, write_page};
 pub use recorder::{ExecutedMove, Machine, Phase, Recorder, Recording};
 pub use source::{Marked, SourceText, Text};
 pub use surface::Surface;

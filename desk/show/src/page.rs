@@ -183,15 +183,36 @@ fn columns(recording: &Recording) -> Columns {
     columns
 }
 
+/// The sources of a page's program and styles, as a content security policy names them: a page
+/// that shows this one in a frame has to allow them, too.
+#[derive(Clone, Debug)]
+pub struct Sources {
+    /// The program's.
+    pub script: String,
+    /// The styles'.
+    pub style: String,
+}
+
+impl Sources {
+    /// Returns the sources of a program and of styles.
+    pub fn of(script: &str, style: &str) -> Self {
+        let [script, style] = [script, style].map(|part| format!("'sha256-{}'", base64(&Sha256::digest(part))));
+        Self { script, style }
+    }
+
+    /// Returns the sources of every page that [`write_page`] writes.
+    pub fn of_pages() -> Self {
+        Self::of(SCRIPT, STYLE)
+    }
+}
+
 /// Returns the page's content security policy: it loads and runs only its own parts,
 /// and these styles.
 pub(crate) fn policy(styles: &[&str]) -> String {
-    let hash = |part: &str| base64(&Sha256::digest(part));
-    let styles: String = styles.iter().map(|style| format!(" 'sha256-{}'", hash(style))).collect();
+    let Sources { script, style } = Sources::of_pages();
+    let styles: String = styles.iter().map(|style| format!(" 'sha256-{}'", base64(&Sha256::digest(style)))).collect();
     format!(
-        "default-src 'none'; base-uri 'none'; form-action 'none'; script-src 'sha256-{}'; style-src 'sha256-{}'{styles}; img-src data:",
-        hash(SCRIPT),
-        hash(STYLE)
+        "default-src 'none'; base-uri 'none'; form-action 'none'; script-src {script}; style-src {style}{styles}; img-src data:"
     )
 }
 
