@@ -11,7 +11,7 @@ use crate::steps::Failure;
 use crate::system::{self, cargo};
 
 /// Names of the workbench's commands, each with its effect.
-pub const COMMANDS: [(&str, &str); 17] = [
+pub const COMMANDS: [(&str, &str); 18] = [
     (
         "firmware",
         "Build the firmware images of one board or all, as ELF, plain bytes and Intel HEX, and print their size tables; the first \
@@ -29,6 +29,11 @@ pub const COMMANDS: [(&str, &str); 17] = [
     (
         "mainboard",
         "Print a file on the virtual mainboard: the board's image, unmodified, on an emulated chip with a printer around it",
+    ),
+    (
+        "page",
+        "Build the page that reads a print in a browser: one file, with the program as WebAssembly in it; its path is the first \
+         line of the output",
     ),
     (
         "release",

@@ -19,6 +19,7 @@ mod image;
 mod klipper_table;
 mod mainboard;
 mod on_target;
+mod page;
 mod reference_time;
 mod refresh;
 mod release;
@@ -51,6 +52,7 @@ enum Command {
     Flash(on_target::FlashOptions),
     OnTarget(on_target::TestOptions),
     Mainboard(mainboard::Options),
+    Page,
     Release(release::Options),
     Reproducible(reproducible::Options),
     Refresh(refresh::Options),
@@ -76,6 +78,7 @@ fn main() -> ExitCode {
         Command::Flash(options) => in_steps("flash", |run| on_target::flash(run, &options)),
         Command::OnTarget(options) => in_steps("on-target", |run| on_target::test(run, &options)),
         Command::Mainboard(options) => in_steps("mainboard", |run| mainboard::run(run, &options)),
+        Command::Page => in_steps("page", page::run),
         Command::Release(options) => in_steps("release", |run| release::write(run, &options)),
         Command::Reproducible(options) => in_steps("reproducible", |run| reproducible::check(run, &options)),
         Command::Refresh(options) => in_steps("refresh", |run| refresh::write(run, &options)),
