@@ -24,7 +24,8 @@ pub fn run(run: &mut Run) -> Result<(), Failure> {
 /// Builds the page into the target folder, and returns its path.
 ///
 /// # Errors
-/// The target's library cannot be installed, the program does not compile, or the page would be too large.
+/// The target's library cannot be installed, the program does not compile, or the page would be too
+/// large.
 pub fn build(run: &mut Run) -> Result<PathBuf, Failure> {
     let program = run.step("program as WebAssembly", || {
         let added = system::run(Command::new("rustup").args(["target", "add", TARGET]).current_dir(system::root()));
