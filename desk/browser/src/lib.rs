@@ -72,8 +72,8 @@ pub struct Done {
 /// Reads the job, writes its page, and reports on the way.
 ///
 /// # Errors
-/// The machine or the job cannot be read, or the page cannot be written: words for a person. A job that
-/// stops at a line has a page up to there and a summary that says so.
+/// The machine or the job cannot be read, or the page cannot be written: words for a person. A job
+/// that stops at a line has a page up to there and a summary that says so.
 pub fn answer(request: &Request, tell: impl Fn(&Event)) -> Result<(), String> {
     let Machine { profile, by, kept } = Machine::of(request)?;
     if let Some(kept) = kept {

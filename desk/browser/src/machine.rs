@@ -50,8 +50,8 @@ impl Kept {
 }
 
 impl Machine {
-    /// Reads the machine that a request names. A configuration may leave out the machine's identity:
-    /// the built-in profile's values stand in, and [`Kept::by_permission`] names them.
+    /// Reads the machine that a request names. Where a configuration leaves out the machine's
+    /// identity, the built-in profile's values stand in, and [`Kept::by_permission`] names them.
     ///
     /// # Errors
     /// The profile or configuration cannot be read: the message names file, line and key.

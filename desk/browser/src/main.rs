@@ -8,7 +8,7 @@ use ferrostep_browser::{Event, Request, answer};
 fn main() -> ExitCode {
     let tell = |event: &Event| {
         let mut out = io::stdout().lock();
-        // The page reads line by line; if it is gone, nobody waits for the rest.
+        // The page reads line by line; once it is gone, the rest has no reader.
         if serde_json::to_writer(&mut out, event).is_ok() {
             let _ = out.write_all(b"\n");
         }
