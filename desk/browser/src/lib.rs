@@ -121,7 +121,8 @@ pub fn answer(request: &Request, tell: impl Fn(&Event)) -> Result<(), String> {
         }
     });
     let look = |_: &_, _: &_| report("record", place.share());
-    let shown = recording::record(profile, &mut input, MAX_NODES, replies, look).map_err(|error| error.to_string())?;
+    let shown =
+        recording::record(profile, None, &mut input, MAX_NODES, replies, look).map_err(|error| error.to_string())?;
     let asks = shown.stopped.is_none() && input.size_bytes() <= MAX_ASKED_BYTES;
     let mut chances = Vec::new();
     if asks {

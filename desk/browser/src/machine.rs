@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ferrostep_import::{Imported, Row, place};
 use ferrostep_printer::Profile;
-use ferrostep_session::rules::{self, ByRules};
+use ferrostep_session::rules::{ByRules, RuledMachine};
 use serde::Serialize;
 
 use crate::request::Request;
@@ -64,12 +64,8 @@ impl Machine {
             let imported = ferrostep_import::read(Path::new(name), true).map_err(|error| error.to_string())?;
             (imported.profile.clone(), "the imported profile", Some(Kept::of(&imported)))
         };
-        let profile = ferrostep_profiles::parse(&text, origin).map_err(|error| error.to_string())?;
-        let keys = ferrostep_profiles::rules(&text, origin).map_err(|error| error.to_string())?;
-        let by = rules::of_profile(&profile, &keys, request.rules).map_err(|error| {
-            let rules = request.rules.unwrap_or(keys.planned_by).name();
-            format!("{rules} makes no plan with the machine's limits: {error}")
-        })?;
+        let RuledMachine { profile, by, .. } =
+            RuledMachine::parse(&text, origin, request.rules).map_err(|error| error.to_string())?;
         Ok(Self { profile, by, kept })
     }
 }
