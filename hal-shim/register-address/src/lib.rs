@@ -60,6 +60,7 @@ macro_rules! register {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     extern crate std;
 
