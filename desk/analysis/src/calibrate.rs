@@ -90,7 +90,8 @@ pub fn from_record(file: &Path, axis: usize) -> Result<FrameMeasurement, Calibra
     Ok(FrameMeasurement { source, axis: AXES[axis], mode, shapers, spectrum: Some(spectrum) })
 }
 
-/// The frame along an axis (its index), from waves on a print: how many over which length, read to `reading_mm`, at which speed.
+/// The frame along an axis (its index), from waves on a print: how many over which length, read to
+/// `reading_mm`, at which speed.
 ///
 /// # Errors
 /// [`CalibrationError::Mode`].

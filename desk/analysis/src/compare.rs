@@ -90,11 +90,13 @@ pub struct Comparison {
     pub page: Vec<u8>,
 }
 
-/// Prints both on the virtual board and compares them. `keys`: those of the profile whose commands are left out of
-/// both jobs, as they would override the profile's values. `frequency_hz`: of the frame in X and Y.
+/// Prints both on the virtual board and compares them. `keys`: those of the profile whose commands
+/// are left out of both jobs, as they would override the profile's values. `frequency_hz`: of the
+/// frame in X and Y.
 ///
 /// # Errors
-/// A job cannot be read or simulated; it says which. One that stops at a line is compared up to there.
+/// A job cannot be read or simulated; it says which. One that stops at a line is
+/// compared up to there.
 pub fn compare(asked: [Asked<'_>; 2], keys: &[String], frequency_hz: Option<[f64; 2]>) -> Result<Comparison, String> {
     let [a, b] = std::thread::scope(|scope| {
         let threads = asked.map(|one| scope.spawn(move || side(one, keys, frequency_hz)));

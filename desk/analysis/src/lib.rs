@@ -1,5 +1,6 @@
-//! Analyses jobs and machines: a print's record for its page, its error on a frame that rings, its time with other
-//! settings, two prints side by side; and a machine's settings from measurements or prints.
+//! Analyses jobs and machines: a print's record for its page, its error on a frame that rings,
+//! its time with other settings, two prints side by side; and a machine's settings from
+//! measurements or prints.
 
 pub mod calibrate;
 pub mod compare;

@@ -18,7 +18,8 @@ use ferrostep_session::{JobReplies, Session};
 
 use extruder::{Extruder, Way};
 
-/// Speeds, accelerations and jerks are measured over this many ticks, 10 ms: over less a single step would show.
+/// Speeds, accelerations and jerks are measured over this many ticks, 10 ms: over less a single
+/// step would show.
 const WINDOW_TICKS: u64 = TICKS_PER_SECOND as u64 / 100;
 
 /// The same in seconds.
@@ -104,7 +105,8 @@ pub fn compare(
 
 /// The meaning of the figures, and the precision of the coarser ones.
 fn note(profile: &Profile) -> String {
-    // Positions are whole steps: each is off by half of one at the most, and in a difference all may be off the worse way.
+    // Positions are whole steps: each is off by half of one at the most, and in a difference all
+    // may be off the worse way.
     let [x, y, ..] = profile.steps_per_mm.map(|steps| steps.to_f64());
     let off_mm = 0.5 / x.min(y);
     let (acceleration, jerk) = (4.0 * off_mm / WINDOW_S.powi(2), 8.0 * off_mm / WINDOW_S.powi(3));
@@ -223,7 +225,8 @@ impl Watch {
     }
 }
 
-/// The times at which parts of a move's path were passed, by the steps of the motor that makes most.
+/// The times at which parts of a move's path were passed, by the steps of the motor
+/// that makes most.
 fn passed(events: &[Event]) -> Vec<(u64, f64)> {
     let counts = [0, 1, 2].map(|motor| events.iter().filter(|event| event.axes >> motor & 1 == 1).count());
     let most = counts.into_iter().max().unwrap_or(0);

@@ -9,7 +9,8 @@ pub enum BlockKind {
     Gcode,
     /// The slicer's settings: [entries](crate::entries).
     SlicerMetadata,
-    /// Values that a printer compares with its own, such as model and nozzle: [entries](crate::entries).
+    /// Values that a printer compares with its own, such as model and nozzle:
+    /// [entries](crate::entries).
     PrinterMetadata,
     /// Time and material: [entries](crate::entries).
     PrintMetadata,

@@ -48,8 +48,8 @@ impl Selection {
 pub enum Progress {
     /// No contents yet: the decoder wants the bytes at its new [`Decoder::position`].
     More,
-    /// This many bytes of a block's contents, at the start of the output. A line of G-code may continue in the next
-    /// portion.
+    /// This many bytes of a block's contents, at the start of the output. A line of G-code may
+    /// continue in the next portion.
     Contents(BlockKind, usize),
     /// The file has ended.
     End,
@@ -57,9 +57,9 @@ pub enum Progress {
 
 /// Reads a file of binary G-code.
 ///
-/// A block with a checksum is read twice: its bytes are compared with the checksum first, and only then are its contents given
-/// out, so that no damaged line ever is. [`Self::position`] says which bytes come next; it goes back to the start of the
-/// block's data once.
+/// A block with a checksum is read twice: its bytes are compared with the checksum first, and only
+/// then are its contents given out, so that no damaged line ever is. [`Self::position`] says which
+/// bytes come next; it goes back to the start of the block's data once.
 #[derive(Clone)]
 pub struct Decoder {
     selection: Selection,
@@ -127,12 +127,12 @@ impl Decoder {
         self.offset
     }
 
-    /// Takes bytes of the file, those at [`Self::position`], as many as there are: none at all means that the file has ended.
-    /// `output` takes the contents, and must not be empty.
+    /// Takes bytes of the file, those at [`Self::position`], as many as there are: none at all
+    /// means that the file has ended. `output` takes the contents, and must not be empty.
     ///
     /// # Errors
-    /// The file is damaged, or of a kind that is not known here. Nothing of the block is given out that its checksum does not
-    /// vouch for. Each later call returns the same error.
+    /// The file is damaged, or of a kind that is not known here. Nothing of the block is given out
+    /// that its checksum does not vouch for. Each later call returns the same error.
     pub fn advance(&mut self, input: &[u8], output: &mut [u8]) -> Result<Progress, Error> {
         let outcome = self.stages(input, output);
         if let Err(error) = outcome {
@@ -388,8 +388,9 @@ impl Contents {
         Ok(())
     }
 
-    /// Decodes until the input is used up or the output is full; returns the number of bytes made. Bytes made before
-    /// an error are returned first, so that the size of the portions makes no difference.
+    /// Decodes until the input is used up or the output is full; returns the number of bytes
+    /// made. Bytes made before an error are returned first, so that the size of the portions
+    /// makes no difference.
     fn fill(&mut self, input: &mut &[u8], output: &mut [u8]) -> Result<usize, Reason> {
         let mut made = 0;
         for place in output {
@@ -414,7 +415,8 @@ impl Contents {
         loop {
             while let Some(&byte) = self.waiting.bytes().get(self.waiting_from) {
                 self.waiting_from += 1;
-                // Prusa's packer ends lines of G commands twice; its unpacker also drops empty lines.
+                // Prusa's packer ends lines of G commands twice; its unpacker also
+                // drops empty lines.
                 let is_line_end = byte == b'\n';
                 if !(core::mem::replace(&mut self.after_line_end, is_line_end) && is_line_end) {
                     return Ok(Some(byte));

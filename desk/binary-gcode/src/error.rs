@@ -30,7 +30,8 @@ pub enum Reason {
     Kind(u16),
     /// A block's compression is not one of 0 to 3.
     Compression(u16),
-    /// A block's contents are encoded in a way that is not known, or a picture's format is not known.
+    /// A block's contents are encoded in a way that is not known, or a picture's
+    /// format is not known.
     Encoding(u16),
     /// A block's checksum is not that of its bytes.
     Checksum {

@@ -1,7 +1,8 @@
 //! Heatshrink: literals and repetitions, bit by bit.
 //!
-//! A 1 and eight bits are a byte; a 0, the distance less one and the count less one (4 bits) repeat bytes of the window; the
-//! highest bit comes first. Before the first byte the window holds zeros. Source: <https://github.com/atomicobject/heatshrink>.
+//! A 1 and eight bits are a byte; a 0, the distance less one and the count less one (4 bits) repeat
+//! bytes of the window; the highest bit comes first. Before the first byte the window holds zeros.
+//! Source: <https://github.com/atomicobject/heatshrink>.
 
 /// Bits of the largest window.
 const MAX_WINDOW_BITS: u8 = 12;

@@ -1,11 +1,12 @@
 //! Binary G-code (`.bgcode`), read in bounded memory.
 //!
-//! `no_std`, no heap, no panics: every byte sequence is answered. The format is Prusa's, as its specification has it
-//! (<https://github.com/prusa3d/libbgcode>, `doc/specifications.md`): a header, then blocks of metadata, pictures and
-//! G-code, each with its own compression and CRC-32.
+//! `no_std`, no heap, no panics: every byte sequence is answered. The format is Prusa's, as its
+//! specification has it (<https://github.com/prusa3d/libbgcode>, `doc/specifications.md`): a
+//! header, then blocks of metadata, pictures and G-code, each with its own compression and CRC-32.
 //!
-//! [`Decoder`] takes the file's bytes in portions of any size and gives out what the blocks contain. It does no reading
-//! itself, so it serves a blocking reader, an asynchronous one, and bytes in memory alike:
+//! [`Decoder`] takes the file's bytes in portions of any size and gives out what the blocks
+//! contain. It does no reading itself, so it serves a blocking reader, an asynchronous one, and
+//! bytes in memory alike:
 //!
 //! ```
 //! use ferrostep_binary_gcode::{BlockKind, Decoder, Progress, Selection};
@@ -26,8 +27,8 @@
 //! assert!(gcode(b"G28\n").is_err());
 //! ```
 //!
-//! The decoder needs 4.5 KiB, most of it heatshrink's window; with the feature `deflate` about 48 KiB. Without that
-//! feature G-code compressed with Deflate is refused.
+//! The decoder needs 4.5 KiB, most of it heatshrink's window; with the feature `deflate` about 48
+//! KiB. Without that feature G-code compressed with Deflate is refused.
 #![cfg_attr(not(test), no_std)]
 
 mod block_kind;

@@ -1,6 +1,7 @@
 //! Reads the entries of blocks of metadata.
 
-/// The entries of a block of metadata, in its order: a key and its value. Lines without `=` are left out.
+/// The entries of a block of metadata, in its order: a key and its value. Lines without
+/// `=` are left out.
 ///
 /// ```
 /// let text = "printer_model=MINI\nestimated printing time (normal mode)=21m 27s\n";

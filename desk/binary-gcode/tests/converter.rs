@@ -1,4 +1,5 @@
-//! Files of Prusa's own converter ([where they come from](data/README.md)) are read, whichever way they are compressed and encoded.
+//! Files of Prusa's own converter ([where they come from](data/README.md)) are read, whichever way
+//! they are compressed and encoded.
 #![allow(missing_docs, clippy::unwrap_used)]
 
 use ferrostep_binary_gcode::{
@@ -22,7 +23,8 @@ fn files() -> Vec<(String, Vec<u8>)> {
 /// A block's kind and its contents.
 type Block = (BlockKind, Vec<u8>);
 
-/// Reads the selected blocks of a file that comes in portions of `portion` bytes, into output of `room` bytes.
+/// Reads the selected blocks of a file that comes in portions of `portion` bytes, into output
+/// of `room` bytes.
 fn read(file: &[u8], selection: Selection, portion: usize, room: usize) -> Result<Vec<Block>, Error> {
     let mut decoder = Decoder::new(selection);
     let mut output = vec![0; room];
@@ -46,7 +48,8 @@ fn gcode(file: &[u8], portion: usize, room: usize) -> String {
     String::from_utf8(blocks.into_iter().flat_map(|(_, contents)| contents).collect()).unwrap()
 }
 
-/// The commands of a text, without comments; without the spaces of G commands, which MeatPack leaves out.
+/// The commands of a text, without comments; without the spaces of G commands, which
+/// MeatPack leaves out.
 fn commands(text: &str) -> Vec<String> {
     let mut commands = Vec::new();
     for line in text.lines() {
@@ -100,7 +103,8 @@ fn metadata_and_pictures() {
     }
 }
 
-/// Every byte in turn is damaged: with checksums no line of a damaged block comes out, nor is the damage ever overlooked.
+/// Every byte in turn is damaged: with checksums no line of a damaged block comes out, nor is the
+/// damage ever overlooked.
 #[test]
 fn damage_is_found_before_its_lines_are_given_out() {
     for (name, file) in files() {

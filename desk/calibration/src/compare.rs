@@ -6,11 +6,12 @@ use serde::Serialize;
 use crate::mode::Mode;
 use crate::spectrum::Spectrum;
 
-/// Frequencies of vibrations that count, Hz: a print shows lower ones not as ringing, and higher ones hardly.
+/// Frequencies of vibrations that count, Hz: a print shows lower ones not as ringing, and
+/// higher ones hardly.
 const COUNTED_HZ: [f64; 2] = [5.0, 200.0];
 
-/// Part of the highest density below which a density counts as the movement that shook the frame, not as its
-/// vibration.
+/// Part of the highest density below which a density counts as the movement that shook the frame,
+/// not as its vibration.
 const COUNTED_PART: f64 = 0.05;
 
 /// The kinds that are compared, the shortest first.
@@ -40,8 +41,8 @@ pub struct Score {
     pub kind: String,
     /// The frequency to make it for, Hz: that at which it leaves least.
     pub frequency_hz: f64,
-    /// Amplitude that it leaves of the recorded vibration, as a part: the worst of the frame as measured, and of one that is stiffer or
-    /// softer by [`Comparison::change`].
+    /// Amplitude that it leaves of the recorded vibration, as a part: the worst of the frame as
+    /// measured, and of one that is stiffer or softer by [`Comparison::change`].
     pub left: f64,
     /// Rounding of a curve for each mm/s^2 of acceleration, s^2: half the shaper's variance.
     pub rounding_s2: f64,
@@ -92,8 +93,9 @@ impl Choice {
     }
 }
 
-/// Plays all shapers on the vibration in a spectrum, or without one on the mode's alone. Each is made for the mode's damping and the
-/// frequency at which it leaves least; the one to take rounds least of those that leave at most a twentieth.
+/// Plays all shapers on the vibration in a spectrum, or without one on the mode's alone. Each is
+/// made for the mode's damping and the frequency at which it leaves least; the one to take rounds
+/// least of those that leave at most a twentieth.
 pub fn compare(spectrum: Option<&Spectrum>, mode: &Mode) -> Comparison {
     let change = (mode.frequency_uncertainty_hz / mode.frequency_hz).max(LEAST_CHANGE);
     let vibration = spectrum.map_or_else(|| vec![(mode.frequency_hz, 1.0)], vibration);
@@ -134,7 +136,8 @@ fn best(kind: ShaperKind, mode: &Mode, change: f64, vibration: &[(f64, f64)]) ->
         .min_by(|a, b| a.left.total_cmp(&b.left))
 }
 
-/// Amplitude that a shaper leaves of vibrations with these frequencies and densities, all of them `stiffer` times as fast.
+/// Amplitude that a shaper leaves of vibrations with these frequencies and densities, all of them
+/// `stiffer` times as fast.
 fn left(shaper: &Shaper, stiffer: f64, damping: f64, vibration: &[(f64, f64)]) -> f64 {
     let (mut left, mut all) = (0.0, 0.0);
     for (frequency_hz, density) in vibration {

@@ -8,8 +8,8 @@ pub struct Fit<const N: usize> {
     pub covariance: [[f64; N]; N],
 }
 
-/// The parameters with the least sum of squared residuals; `None` if there are too few residuals, or one of the parameters does not
-/// matter.
+/// The parameters with the least sum of squared residuals; `None` if there are too few residuals,
+/// or one of the parameters does not matter.
 pub fn fit<const N: usize>(start: [f64; N], residuals: impl Fn(&[f64; N]) -> Vec<f64>) -> Option<Fit<N>> {
     let mut parameters = start;
     let mut left = residuals(&parameters);

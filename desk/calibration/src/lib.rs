@@ -1,7 +1,8 @@
 //! Derives a printer's frame from measurements: its frequencies, and the shapers for them.
 //!
-//! A [`Record`] of an accelerometer gives a [`Spectrum`] (Welch 1967), the spectrum a [`Mode`]: frequency and damping with their
-//! uncertainty. [`compare()`] plays every shaper on the measured vibration and says what each leaves of it.
+//! A [`Record`] of an accelerometer gives a [`Spectrum`] (Welch 1967), the spectrum a [`Mode`]:
+//! frequency and damping with their uncertainty. [`compare()`] plays every shaper on the measured
+//! vibration and says what each leaves of it.
 //!
 //! Units are millimetres and seconds throughout.
 #![forbid(unsafe_code)]

@@ -13,7 +13,8 @@ const SEARCH_HZ: [f64; 2] = [10.0, 200.0];
 /// The curve is laid through the lines from this part of the peak's frequency to that.
 const AROUND: [f64; 2] = [0.72, 1.35];
 
-/// A peak has at least this many times the density of its surroundings, the mean at its frequency times and by [`BESIDE`].
+/// A peak has at least this many times the density of its surroundings, the mean at its frequency
+/// times and by [`BESIDE`].
 const LEAST_PEAK: f64 = 3.0;
 const BESIDE: f64 = 1.6;
 
@@ -24,12 +25,12 @@ pub const SECOND_PEAK_SHARE: f64 = 0.1;
 const WINDOW: [(f64, f64); 7] =
     [(-1.5, 0.0144), (-1.0, 0.25), (-0.5, 0.7205), (0.0, 1.0), (0.5, 0.7205), (1.0, 0.25), (1.5, 0.0144)];
 
-/// Lines beside each other are not independent under Hann's window, and a sweep passes a frequency only once: the interval is as
-/// much wider than that of independent lines.
+/// Lines beside each other are not independent under Hann's window, and a sweep passes a frequency
+/// only once: the interval is as much wider than that of independent lines.
 const WIDER: f64 = 2.0;
 
-/// Frequency and damping are known no better than to these parts, since a frame has more modes than one: a second one at 1.7 times the
-/// frequency with a quarter of the motion moves them by as much.
+/// Frequency and damping are known no better than to these parts, since a frame has more modes than
+/// one: a second one at 1.7 times the frequency with a quarter of the motion moves them by as much.
 const ONE_MODE: [f64; 2] = [0.004, 0.2];
 
 /// The damping ratio of a printer whose damping is not known.
@@ -49,7 +50,8 @@ pub struct Mode {
     pub damping: f64,
     /// Uncertainty of the damping ratio.
     pub damping_uncertainty: f64,
-    /// Other peaks with at least [`SECOND_PEAK_SHARE`] of the density: frequency, Hz, and that part.
+    /// Other peaks with at least [`SECOND_PEAK_SHARE`] of the density: frequency,
+    /// Hz, and that part.
     pub others: Vec<[f64; 2]>,
 }
 
@@ -87,8 +89,9 @@ impl fmt::Display for ModeError {
 impl std::error::Error for ModeError {}
 
 impl Mode {
-    /// The mode that leaves `waves` waves over `over_mm` after a corner passed at `speed_mm_per_s`; the length is
-    /// read to `reading_mm`. A print does not show the damping well: it is taken to be usual.
+    /// The mode that leaves `waves` waves over `over_mm` after a corner passed at
+    /// `speed_mm_per_s`; the length is read to `reading_mm`. A print does not show the damping
+    /// well: it is taken to be usual.
     ///
     /// # Errors
     /// [`ModeError::Waves`].
@@ -111,9 +114,9 @@ impl Mode {
 
     /// The strongest mode of a spectrum.
     ///
-    /// The density of the acceleration of a mass on a spring that is moved at its other end is that of the movement times
-    /// (1 + (2 zeta r)^2) / ((1 - r^2)^2 + (2 zeta r)^2), with r = f / f0. How the movement is spread over frequencies is taken to be a
-    /// power of f.
+    /// The density of the acceleration of a mass on a spring that is moved at its other end is that
+    /// of the movement times (1 + (2 zeta r)^2) / ((1 - r^2)^2 + (2 zeta r)^2), with r = f / f0.
+    /// How the movement is spread over frequencies is taken to be a power of f.
     ///
     /// # Errors
     /// [`ModeError`].

@@ -110,9 +110,9 @@ impl std::error::Error for RecordError {}
 impl Record {
     /// Reads a record.
     ///
-    /// Klipper's lines have the time in seconds and accelerations in mm/s^2, RepRapFirmware's a number and accelerations in g, with
-    /// the rate in the last line. The second may be part of what a printer has said to its host, with answers around
-    /// and between its lines.
+    /// Klipper's lines have the time in seconds and accelerations in mm/s^2, RepRapFirmware's a
+    /// number and accelerations in g, with the rate in the last line. The second may be part of
+    /// what a printer has said to its host, with answers around and between its lines.
     ///
     /// # Errors
     /// [`RecordError`], with the line.

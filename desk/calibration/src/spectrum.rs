@@ -8,7 +8,8 @@ use rustfft::num_complex::Complex;
 
 use crate::record::{AXES, Record};
 
-/// The least rate: twice the highest frequency that shapers are made for, and room for the filter before the converter, Hz.
+/// The least rate: twice the highest frequency that shapers are made for, and room for the filter
+/// before the converter, Hz.
 const LEAST_RATE_HZ: f64 = 500.0;
 
 /// The shortest record, s.
@@ -138,7 +139,8 @@ impl Spectrum {
     }
 }
 
-/// The mean of the spectra of overlapping parts, each without its mean and slope, under Hann's window (Welch 1967).
+/// The mean of the spectra of overlapping parts, each without its mean and slope, under Hann's
+/// window (Welch 1967).
 fn welch(samples: &[f64], rate_hz: f64) -> Spectrum {
     let length = ((PART_S * rate_hz).ceil() as usize).next_power_of_two().min(prior_power_of_two(samples.len()));
     let window: Vec<f64> = (0..length).map(|at| 0.5 - 0.5 * (TAU * at as f64 / length as f64).cos()).collect();

@@ -81,7 +81,8 @@ fn record(case: &Case) -> Record {
     for at in 0..count {
         let time_s = at as f64 * interval_s;
         if case.sweep {
-            // Klipper's test: one hertz a second, with an acceleration that grows with the frequency.
+            // Klipper's test: one hertz a second, with an acceleration that grows
+            // with the frequency.
             let frequency_hz = begin_hz + time_s;
             phase += TAU * frequency_hz * interval_s;
             acceleration = 60.0 * frequency_hz * phase.sin();
@@ -122,8 +123,8 @@ fn cases(sweep: bool, second: bool) -> Vec<Case> {
         .collect()
 }
 
-/// The largest error of the frequency in this run's share of the frames. At most one frequency and one damping in twenty lie
-/// outside their intervals.
+/// The largest error of the frequency in this run's share of the frames. At most one frequency and
+/// one damping in twenty lie outside their intervals.
 fn judge(cases: &[Case]) -> f64 {
     let (mut worst_hz, mut tried, mut within, mut damping_within) = (0.0f64, 0, 0, 0);
     for number in share_of(cases.len() as u64) {
@@ -208,7 +209,8 @@ fn both_firmwares_files_say_the_same() {
     }
 }
 
-/// A stiff frame with little damping wants no long filter; what is recommended follows from the table by its rule.
+/// A stiff frame with little damping wants no long filter; what is recommended follows from the
+/// table by its rule.
 #[test]
 fn the_shaper_to_take_leaves_little_and_rounds_least() {
     for case in [USUAL, Case { second: true, ..USUAL }, Case { frequency_hz: 30.0, damping: 0.12, ..USUAL }] {
@@ -307,8 +309,8 @@ proptest! {
         }
     }
 
-    /// A printer's answers between the lines of a record change nothing; a line that is missing, doubled or swapped
-    /// with the next is noticed.
+    /// A printer's answers between the lines of a record change nothing; a line that is missing,
+    /// doubled or swapped with the next is noticed.
     #[test]
     fn a_log_is_the_record_in_it_or_refused(
         samples in prop::collection::vec(prop::array::uniform3(-16.0..16.0_f64), 2..40),
@@ -330,7 +332,8 @@ proptest! {
         missing.remove(at);
         doubled.insert(at, lines[at].clone());
         swapped.swap(at, (at + 1) % lines.len());
-        // A record without its last line is shorter, and complete; the printer's `overflows` reports that.
+        // A record without its last line is shorter, and complete; the printer's
+        // `overflows` reports that.
         for (log, is_shorter) in [(missing, at + 1 == lines.len()), (doubled, false), (swapped, false)] {
             let read = Record::parse(&text(&log));
             prop_assert!(is_shorter || matches!(read, Err(RecordError::Missing { .. })), "{read:?}");

@@ -27,7 +27,8 @@ pub fn completions(shell: Shell) -> Result<ExitCode, String> {
     Ok(exit_code(write(&script)))
 }
 
-/// Prints the manual page, or writes all pages into a folder: `ferrostep.1`, `ferrostep-print.1` and so on.
+/// Prints the manual page, or writes all pages into a folder: `ferrostep.1`,
+/// `ferrostep-print.1` and so on.
 ///
 /// # Errors
 /// A page cannot be written.

@@ -24,7 +24,8 @@ pub fn exit_code(written: Result<(), impl std::fmt::Display>) -> ExitCode {
     }
 }
 
-/// Writes what clap answers instead of running a command: help, the version, or what is wrong with the arguments.
+/// Writes what clap answers instead of running a command: help, the version, or what is wrong
+/// with the arguments.
 pub fn of_arguments(answer: &clap::Error) -> ExitCode {
     let written = answer.print().and_then(|()| std::io::Write::flush(&mut std::io::stdout()));
     match answer.exit_code() {

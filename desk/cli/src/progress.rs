@@ -20,12 +20,14 @@ const LENGTH: usize = 20;
 /// Least time between two messages: what changes faster cannot be read.
 const INTERVAL: Duration = Duration::from_millis(50);
 
-/// Times at which the lines of a file are executed, once a thread beside this one has estimated them.
+/// Times at which the lines of a file are executed, once a thread beside this one
+/// has estimated them.
 #[derive(Clone, Default)]
 pub struct Estimate(Arc<OnceLock<Schedule>>);
 
 impl Estimate {
-    /// Begins to estimate a file for a machine. Only a regular file is estimated: others can be read once only.
+    /// Begins to estimate a file for a machine. Only a regular file is estimated: others can
+    /// be read once only.
     pub fn begin(&self, file: &Path, profile: Profile, look_ahead: usize) {
         if !file.metadata().is_ok_and(|metadata| metadata.is_file()) {
             return;
@@ -75,14 +77,16 @@ impl Progress {
         }
     }
 
-    /// Estimates the time of a file's print meanwhile: only from that is it known what is left. Without a terminal it would not be seen.
+    /// Estimates the time of a file's print meanwhile: only from that is it known what is left.
+    /// Without a terminal it would not be seen.
     pub fn estimate(&self, file: &Path, profile: Profile, look_ahead: usize) {
         if !self.bar.is_hidden() {
             self.schedule.begin(file, profile, look_ahead);
         }
     }
 
-    /// Takes in where the job is, and moves the bar. `share`: the part of the file that was read, 0 to 1, if its size is known.
+    /// Takes in where the job is, and moves the bar. `share`: the part of the file that was read, 0
+    /// to 1, if its size is known.
     pub fn show(&self, share: Option<f64>, job: &JobProgress, figures: impl FnOnce() -> Figures) {
         self.motion_time_s.set(job.motion_time_s);
         // A prepared job gives the number of all layers, not the present one.
@@ -116,7 +120,8 @@ impl Progress {
         // Shares of packed files are estimates: the bar does not go back.
         let share = share.map(|share| share.max(self.most.get()));
         self.most.set(share.unwrap_or_default());
-        // All of the line at once: a bar and a message of indicatif's would be drawn one after the other.
+        // All of the line at once: a bar and a message of indicatif's would be drawn one
+        // after the other.
         self.bar.set_message(line(share, left_s, self.layers.get(), &figures, self.started.elapsed()));
     }
 
@@ -131,8 +136,8 @@ impl Progress {
     }
 }
 
-/// A bar with a template of indicatif's. Only `{wide_msg}` of its parts may be long: it is cut to the terminal's
-/// width, and a line that wraps would leave a copy at each change.
+/// A bar with a template of indicatif's. Only `{wide_msg}` of its parts may be long: it is cut to
+/// the terminal's width, and a line that wraps would leave a copy at each change.
 pub fn bar(length: u64, template: &str) -> ProgressBar {
     let bar = ProgressBar::new(length);
     match ProgressStyle::with_template(template) {

@@ -1,7 +1,7 @@
 //! Completions and manual pages. Shells and groff read them in `tests/outside`.
 //!
-//! As a test of the command's own package it also has cargo build the command whenever all tests are built: the programs in
-//! `tests` then find it.
+//! As a test of the command's own package it also has cargo build the command whenever all tests
+//! are built: the programs in `tests` then find it.
 #![allow(clippy::unwrap_used)]
 
 use std::ffi::OsStr;

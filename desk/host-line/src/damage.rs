@@ -9,8 +9,8 @@ pub enum LineFault {
     FlipBits,
     /// Some lines are lost, with their ends.
     DropLines,
-    /// One bit changes in some lines. If two changed, the checksum would miss one pair in eight, as it adds the bytes
-    /// bit by bit.
+    /// One bit changes in some lines. If two changed, the checksum would miss one pair in eight, as
+    /// it adds the bytes bit by bit.
     FlipInLines,
 }
 

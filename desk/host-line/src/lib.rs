@@ -1,9 +1,9 @@
-//! A pseudo-terminal or TCP port of this computer for a person or a host program such as OctoPrint, or a pair of sockets for a
-//! host within the program.
+//! A pseudo-terminal or TCP port of this computer for a person or a host program such as OctoPrint,
+//! or a pair of sockets for a host within the program.
 //!
-//! No call but [`Line::wait`] blocks: a virtual printer reads and writes between two slices of its time. TCP discards bytes
-//! while no host is connected, like a wire; a pseudo-terminal keeps what fits, so that a host that opens it soon after still
-//! reads the `start`.
+//! No call but [`Line::wait`] blocks: a virtual printer reads and writes between two slices of its
+//! time. TCP discards bytes while no host is connected, like a wire; a pseudo-terminal keeps what
+//! fits, so that a host that opens it soon after still reads the `start`.
 //!
 //! A real host sends at real times: a run with such a line cannot be repeated exactly.
 #![cfg(unix)]
@@ -60,8 +60,9 @@ enum End {
 }
 
 impl Line {
-    /// Opens a pseudo-terminal with a symbolic link to it at `link`, which hosts open like a serial port. The link is
-    /// removed when the line is dropped; a link to a terminal that no longer exists is replaced.
+    /// Opens a pseudo-terminal with a symbolic link to it at `link`, which hosts open like a serial
+    /// port. The link is removed when the line is dropped; a link to a terminal that no longer
+    /// exists is replaced.
     ///
     /// # Errors
     /// Another file is at `link`, or the operating system refuses a pseudo-terminal.
@@ -85,7 +86,8 @@ impl Line {
         Ok(Self::with(End::Pty { board_end, link: link.to_owned(), name }))
     }
 
-    /// Listens on a TCP port of this computer only (127.0.0.1), for one host at a time; 0 takes any free port.
+    /// Listens on a TCP port of this computer only (127.0.0.1), for one host at a time; 0
+    /// takes any free port.
     ///
     /// # Errors
     /// The port is in use, or not permitted.
@@ -145,14 +147,16 @@ impl Line {
         }
     }
 
-    /// Returns true if a host has gone since the last call: the rest of its line is not the beginning of the next
-    /// host's. The [`Self::read`] that has seen it go returns bytes of the next host. On a terminal only
-    /// [`Self::connected`] sees it, so that a host that goes and comes back between two looks stays unnoticed.
+    /// Returns true if a host has gone since the last call: the rest of its line is not the
+    /// beginning of the next host's. The [`Self::read`] that has seen it go returns bytes of the
+    /// next host. On a terminal only [`Self::connected`] sees it, so that a host that goes and
+    /// comes back between two looks stays unnoticed.
     pub fn take_departure(&mut self) -> bool {
         std::mem::take(&mut self.has_departed)
     }
 
-    /// Reads the bytes that the host has sent since the last call, at most this many (and never more than 4096).
+    /// Reads the bytes that the host has sent since the last call, at most this many (and never
+    /// more than 4096).
     ///
     /// # Errors
     /// The line is broken for good. A host that disconnects is not an error.
@@ -202,8 +206,8 @@ impl Line {
         Ok(bytes[..count].to_vec())
     }
 
-    /// Sends bytes to the host; bytes that it does not accept yet are kept for later calls of this or of
-    /// [`Line::read`].
+    /// Sends bytes to the host; bytes that it does not accept yet are kept for later calls of this
+    /// or of [`Line::read`].
     ///
     /// # Errors
     /// The line is broken for good.
@@ -236,7 +240,8 @@ impl Line {
         Self::wait_any(&[self], timeout);
     }
 
-    /// Waits until a host of one of these lines has sent something, at most this long; a new host also ends the wait.
+    /// Waits until a host of one of these lines has sent something, at most this long; a new host
+    /// also ends the wait.
     pub fn wait_any(lines: &[&Self], timeout: Duration) {
         let mut sources: Vec<PollFd<'_>> = lines.iter().filter_map(|line| line.end.source()).collect();
         let poll_for = |sources: &mut [PollFd<'_>], timeout: Duration| {
@@ -244,7 +249,8 @@ impl Line {
             let _ = poll(sources, Timespec::try_from(timeout).ok().as_ref());
         };
         poll_for(&mut sources, timeout);
-        // A terminal without a host always reports that: the others are waited for without it, until it is looked at again.
+        // A terminal without a host always reports that: the others are waited for without it,
+        // until it is looked at again.
         let is_unheard = |source: &PollFd<'_>| {
             source.revents().contains(PollFlags::HUP) && !source.revents().contains(PollFlags::IN)
         };
@@ -334,7 +340,8 @@ fn open_terminal() -> io::Result<(File, PathBuf)> {
     unlockpt(&board_end)?;
     let name = ptsname(&board_end, Vec::new())?;
     let name = PathBuf::from(std::ffi::OsStr::from_bytes(name.to_bytes()));
-    // Both ends share their settings (tty_ioctl(4)). Raw mode before a host opens the terminal prevents an echo.
+    // Both ends share their settings (tty_ioctl(4)). Raw mode before a host opens the terminal
+    // prevents an echo.
     let mut settings = tcgetattr(&board_end)?;
     settings.make_raw();
     tcsetattr(&board_end, OptionalActions::Now, &settings)?;
@@ -342,12 +349,14 @@ fn open_terminal() -> io::Result<(File, PathBuf)> {
     Ok((File::from(board_end), name))
 }
 
-/// Returns true if an error only means that no byte is ready, or that no host has the terminal open (EIO).
+/// Returns true if an error only means that no byte is ready, or that no host has the
+/// terminal open (EIO).
 fn is_idle(error: &io::Error) -> bool {
     error.kind() == ErrorKind::WouldBlock || error.raw_os_error() == Some(rustix::io::Errno::IO.raw_os_error())
 }
 
-/// Returns true if the last host has closed the terminal. It counts as open until the first host opens it.
+/// Returns true if the last host has closed the terminal. It counts as open until the
+/// first host opens it.
 fn hung_up(board_end: &File) -> bool {
     let mut ends = [PollFd::new(board_end, PollFlags::empty())];
     let at_once = Timespec { tv_sec: 0, tv_nsec: 0 };

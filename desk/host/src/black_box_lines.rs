@@ -43,7 +43,8 @@ pub struct Assembly {
 }
 
 impl Assembly {
-    /// Takes a line: `None` if it belongs to something else, else whether it is the last. A terminal's log may have text before it.
+    /// Takes a line: `None` if it belongs to something else, else whether it is the last. A
+    /// terminal's log may have text before it.
     ///
     /// # Errors
     /// [`LinesError`]

@@ -68,9 +68,10 @@ impl fmt::Display for Damaged {
     }
 }
 
-/// The command of a line, without comment, and without the number and checksum that a file may have: those are the file's, and a
-/// line on its way to a printer gets others. An M110 numbers the file's lines and is left out for the same reason. `None` where no
-/// command is left. What a printer may know and this reader cannot read is passed on, for the printer to answer.
+/// The command of a line, without comment, and without the number and checksum that a file may
+/// have: those are the file's, and a line on its way to a printer gets others. An M110 numbers the
+/// file's lines and is left out for the same reason. `None` where no command is left. What a
+/// printer may know and this reader cannot read is passed on, for the printer to answer.
 ///
 /// # Errors
 /// The line's checksum is wrong.

@@ -1,7 +1,7 @@
 //! Texts from outside, as a terminal may show them.
 //!
-//! File names, G-code and a board's replies may contain control characters, which can make a terminal do nearly anything. They
-//! are written as escape sequences.
+//! File names, G-code and a board's replies may contain control characters, which can make a
+//! terminal do nearly anything. They are written as escape sequences.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -25,7 +25,8 @@ fn replaced(text: &str, is_replaced: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(out)
 }
 
-/// A text of one or more lines without control characters: `\u{1b}` for an ESC. Line ends and tabs stay.
+/// A text of one or more lines without control characters: `\u{1b}` for an ESC. Line
+/// ends and tabs stay.
 pub fn escaped(text: &str) -> Cow<'_, str> {
     replaced(text, |c| c.is_control() && c != '\n' && c != '\t')
 }

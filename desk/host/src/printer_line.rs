@@ -132,8 +132,8 @@ impl PrinterLine {
     /// Opens the line to a printer. `baud` has no effect on a USB port.
     ///
     /// # Errors
-    /// The port is missing or is something else, this user may not open it, or it does not support the speed; or nothing answers
-    /// at the address.
+    /// The port is missing or is something else, this user may not open it, or it does not support
+    /// the speed; or nothing answers at the address.
     pub fn open(address: &Address, baud: u32) -> Result<Self, String> {
         match address {
             Address::Serial(name) => {
@@ -185,8 +185,8 @@ impl PrinterLine {
     }
 }
 
-/// Describes why a port cannot be opened. A device that is not a terminal refuses its settings with ENOTTY, which is
-/// written "Not a typewriter".
+/// Describes why a port cannot be opened. A device that is not a terminal refuses its settings with
+/// ENOTTY, which is written "Not a typewriter".
 fn unopened(error: &serialport::Error) -> String {
     let text = error.to_string();
     match text.as_str() {

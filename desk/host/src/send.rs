@@ -38,8 +38,9 @@ const REMEMBERED_LINES: usize = 6;
 /// Commands that open a transfer, each answered by an `ok`.
 const BEGINNING_COMMANDS: u32 = 2;
 
-/// Attempts to open a transfer that the board answers with `ok` but without a report. The first answer may be meant for an
-/// earlier host; after this many attempts the board does not know prepared jobs.
+/// Attempts to open a transfer that the board answers with `ok` but without a report. The
+/// first answer may be meant for an earlier host; after this many attempts the board does not
+/// know prepared jobs.
 const MAX_UNREPORTED: u32 = 2;
 
 /// The board's answer to a transfer that begins during another one.
@@ -48,11 +49,12 @@ const OTHER_JOB: &str = "echo:gpre: another job is being received";
 /// Sends a job and waits until the board has executed it, or stops. `watch` hears the lines of the
 /// board that are not reports, and may end the job.
 ///
-/// A board that is already in the middle of the same job, because its host was restarted, continues it.
+/// A board that is already in the middle of the same job, because its host was
+/// restarted, continues it.
 ///
 /// # Errors
-/// The board does not answer, does not take the job, or is gone; or `watch` wants the end. A refusal or a stop by the
-/// board is not an error but a [`Report`].
+/// The board does not answer, does not take the job, or is gone; or `watch` wants the end. A
+/// refusal or a stop by the board is not an error but a [`Report`].
 pub fn send(
     port: &mut impl Port,
     sender: &mut Sender,
@@ -67,7 +69,8 @@ pub fn send(
     port.send(begin.as_bytes())?;
     let mut asked = port.now();
     let mut last = asked;
-    // Commands accepted since the transfer was last opened; openings that were accepted without a report.
+    // Commands accepted since the transfer was last opened; openings that were accepted
+    // without a report.
     let (mut accepted, mut unreported) = (0, 0);
     loop {
         if watch.wants_end() {
@@ -125,10 +128,11 @@ pub fn send(
     }
 }
 
-/// Ends a transfer: aborts it, stops the motion under way, and waits until the board reports the end, after which it executes
-/// lines again. A board that reports nothing is given up.
+/// Ends a transfer: aborts it, stops the motion under way, and waits until the board reports the
+/// end, after which it executes lines again. A board that reports nothing is given up.
 fn abort(port: &mut impl Port, sender: &mut Sender, patience: Patience) -> Result<(), SendError> {
-    // M410 acts as its bytes arrive; without it the moves that the board has already are executed first.
+    // M410 acts as its bytes arrive; without it the moves that the board has already
+    // are executed first.
     port.send(&[&sender.abort()[..], b"\nM410\n"].concat())?;
     let until = port.now() + patience.give_up;
     while sender.end().is_none() {

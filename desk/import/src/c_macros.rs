@@ -1,9 +1,11 @@
-//! Replaces the names of C's macros by their values, those with arguments and Marlin's own among them.
+//! Replaces the names of C's macros by their values, those with arguments and
+//! Marlin's own among them.
 
 use crate::c_tokens::{Token, tokens};
 use crate::definitions::Definitions;
 
-/// Maximum number of tokens of a value with all its names replaced, and maximum depth of names within names.
+/// Maximum number of tokens of a value with all its names replaced, and maximum depth of
+/// names within names.
 const MAX_TOKENS: usize = 4000;
 const MAX_DEPTH: usize = 60;
 
@@ -13,7 +15,8 @@ const MAX_OPTIONS: usize = 8;
 /// Beginnings of names that Marlin works out in headers that are not read.
 const OWN_NAMES: [&str; 6] = ["HAS_", "IS_", "USE_", "NEED_", "HAL_", "NUM_"];
 
-/// The tokens of a text, with all names replaced; `None` if it has too many, or depends on what is not known.
+/// The tokens of a text, with all names replaced; `None` if it has too many, or depends on
+/// what is not known.
 pub(crate) fn expanded(text: &str, definitions: &Definitions) -> Option<Vec<Token>> {
     expanded_at(text, definitions, 0)
 }
@@ -25,8 +28,8 @@ fn expanded_at(text: &str, definitions: &Definitions, options: usize) -> Option<
     Some(out)
 }
 
-/// Evaluates an option as Marlin does: it is on without a value, with 1 or with true. `None` if Marlin itself works
-/// it out.
+/// Evaluates an option as Marlin does: it is on without a value, with 1 or with true. `None` if
+/// Marlin itself works it out.
 pub(crate) fn is_enabled(name: &str, definitions: &Definitions) -> Option<bool> {
     is_enabled_at(name, definitions, 0)
 }
@@ -111,8 +114,8 @@ impl Expansion<'_> {
         Some(())
     }
 
-    /// Expands Marlin's TERN and its like; the inner `None` for another name, the outer one if the condition is
-    /// unknown.
+    /// Expands Marlin's TERN and its like; the inner `None` for another name, the outer one if the
+    /// condition is unknown.
     fn chosen(&self, name: &str, arguments: &[Vec<Token>]) -> Option<Option<Vec<Token>>> {
         let [condition, rest @ ..] = arguments else { return Some(None) };
         let [Token::Name(option)] = condition.as_slice() else { return None };

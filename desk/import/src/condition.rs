@@ -1,7 +1,7 @@
 //! Conditions around Marlin's definitions: `#if ENABLED(A) && (B > 1 || AXIS_IS_TMC(X))`.
 //!
-//! Marlin computes many of its names in its own headers, which are not read. A condition that cannot be known holds,
-//! so that nothing is lost.
+//! Marlin computes many of its names in its own headers, which are not read. A condition that
+//! cannot be known holds, so that nothing is lost.
 
 use crate::c_macros::is_enabled;
 use crate::definitions::Definitions;
@@ -93,7 +93,8 @@ fn is_l64xx(kind: &str) -> bool {
     kind.starts_with("L64") || kind == "POWERSTEP01"
 }
 
-/// A comparison of two numbers or of two words; `None` for anything else, or if one of its sides is not known.
+/// A comparison of two numbers or of two words; `None` for anything else, or if one of its
+/// sides is not known.
 fn compared(text: &str, definitions: &Definitions) -> Option<bool> {
     let (sign, [left, right]) = COMPARISONS.into_iter().find_map(|sign| match parts(text, sign)[..] {
         [left, right] => Some((sign, [left.trim(), right.trim()])),

@@ -10,8 +10,8 @@ use crate::imported::Imported;
 use crate::includes::Included;
 use crate::{glob, klipper, klipper_map, marlin, marlin_map, marlin_report, text};
 
-/// Makes a profile of a file, and of those that it includes; `assume` allows the built-in profile's values for the
-/// machine's identity.
+/// Makes a profile of a file, and of those that it includes; `assume` allows the built-in profile's
+/// values for the machine's identity.
 ///
 /// # Errors
 /// See [`ImportError`]; nothing is made then.
@@ -23,8 +23,8 @@ pub fn read(path: &Path, assume: bool) -> Result<Imported, ImportError> {
     Ok(imported)
 }
 
-/// Makes a profile of a running Marlin's answers to M115 and M503. A file of its configuration gives the settings
-/// that the printer does not report; the printer's numbers hold.
+/// Makes a profile of a running Marlin's answers to M115 and M503. A file of its configuration
+/// gives the settings that the printer does not report; the printer's numbers hold.
 ///
 /// # Errors
 /// The printer is not Marlin or does not report its settings; or as [`read`].
@@ -61,8 +61,8 @@ fn name_of(path: &Path) -> String {
     path.file_name().map_or_else(|| name_of_input(path), |name| printable::name(Path::new(name)))
 }
 
-/// Reads a text as [`read`] does, with nothing assumed; `include` returns the files of a name, relative to the
-/// text's, which may match several.
+/// Reads a text as [`read`] does, with nothing assumed; `include` returns the files of a name,
+/// relative to the text's, which may match several.
 ///
 /// # Errors
 /// As [`read`].
@@ -70,7 +70,8 @@ pub fn of_text(name: &str, text: &str, include: &mut dyn FnMut(&str) -> Included
     of_text_with(name, text, include, false)
 }
 
-/// Reads a text as [`of_text`] does; `assume` allows it to assume what the machine is where the text does not say it.
+/// Reads a text as [`of_text`] does; `assume` allows it to assume what the machine is where the
+/// text does not say it.
 ///
 /// # Errors
 /// As [`read`].

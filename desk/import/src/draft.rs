@@ -16,10 +16,12 @@ const BASE: &str = "cartesian";
 /// Maximum number of values that are changed because the checks of profiles refuse them.
 const MAX_REFUSED: usize = 120;
 
-/// Maximum number of moves of a value into its range; if two rules still pull it to and fro, no value fits.
+/// Maximum number of moves of a value into its range; if two rules still pull it to and
+/// fro, no value fits.
 const MAX_MOVES: usize = 3;
 
-/// Tables that go where a value of the machine's identity and they exclude each other, the least first.
+/// Tables that go where a value of the machine's identity and they exclude each other,
+/// the least first.
 const LESSER: [&str; 6] = ["mesh", "input_shaper", "pressure_advance", "bed_screws", "z_motors", "backlash"];
 
 /// A profile that is being made.
@@ -75,7 +77,8 @@ impl Draft {
         }
     }
 
-    /// Notes a part of the machine's identity that the file does not say in a way that can be used: `what`, of a setting or of none.
+    /// Notes a part of the machine's identity that the file does not say in a way that can be used:
+    /// `what`, of a setting or of none.
     pub fn gap(&mut self, path: &str, row: Option<Row>, what: &str) {
         if self.gaps.iter().any(|gap| gap.path == path) {
             return;
@@ -140,7 +143,8 @@ impl Draft {
         self.set_by.contains_key(path)
     }
 
-    /// Checks the profile. A value that profiles may not have becomes the nearest one that they may, or is given up, and its row says why.
+    /// Checks the profile. A value that profiles may not have becomes the nearest one that they
+    /// may, or is given up, and its row says why.
     ///
     /// # Errors
     /// The machine's identity is not said, or the checks refuse what cannot be given up.
@@ -174,7 +178,8 @@ impl Draft {
         Err(ImportError::Profile("too many of its values are out of range".to_owned()))
     }
 
-    /// The key of the machine's identity that an error is about, if giving up its key would change one.
+    /// The key of the machine's identity that an error is about, if giving up its key
+    /// would change one.
     fn identity_of(&self, key: &str, reason: &str) -> Option<String> {
         // Numbers that are right for an end stop are not for a stall or a probe.
         let axis = key.strip_prefix("homing.").and_then(|rest| rest.split('.').next());
@@ -191,7 +196,8 @@ impl Draft {
         is_identity(key).then(|| key.to_owned())
     }
 
-    /// The key of the machine's identity that goes with the table that giving up a key would replace.
+    /// The key of the machine's identity that goes with the table that giving up a
+    /// key would replace.
     fn identity_lost_with(&self, key: &str) -> Option<String> {
         let table = self.given_up_with(key).filter(|path| *path != key)?;
         let under = format!("{table}.");
@@ -230,7 +236,8 @@ impl Draft {
         !changes.is_empty()
     }
 
-    /// Removes the lesser of two keys that exclude each other where the other one is the machine's identity.
+    /// Removes the lesser of two keys that exclude each other where the other one is the
+    /// machine's identity.
     fn let_lesser_go(&mut self, key: &str, reason: &str) -> bool {
         if !is_identity(key) {
             return false;
@@ -256,7 +263,8 @@ impl Draft {
         false
     }
 
-    /// Replaces a refused value by the base's, or removes an optional table; `false` if nothing changes.
+    /// Replaces a refused value by the base's, or removes an optional table; `false` if
+    /// nothing changes.
     fn give_up(&mut self, key: &str, reason: &str) -> bool {
         let identity = self.identity_of(key, reason);
         let Some(path) = self.given_up_with(identity.as_deref().unwrap_or(key)).map(str::to_owned) else {
@@ -267,7 +275,8 @@ impl Draft {
         true
     }
 
-    /// Sets or removes what a check has refused, and says so in the rows that had said it. The first reason of a row stays.
+    /// Sets or removes what a check has refused, and says so in the rows that had said it. The
+    /// first reason of a row stays.
     fn change(&mut self, path: &str, value: Option<Value>, reason: &str) {
         let before = get(&self.table, path).cloned();
         set(&mut self.table, path, value.clone());

@@ -1,4 +1,5 @@
-//! Counts look-ups of settings and rows in tests: a file of many sections must not take the square of their number.
+//! Counts look-ups of settings and rows in tests: a file of many sections must not take the square
+//! of their number.
 
 #[cfg(test)]
 std::thread_local! {

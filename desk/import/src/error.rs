@@ -15,7 +15,8 @@ pub enum ImportError {
     Line(String, usize, String),
     /// The machine is of a kind that no profile describes.
     Machine(String, usize, String),
-    /// The configuration does not say what machine it is: each part, and the files that could not be read.
+    /// The configuration does not say what machine it is: each part, and the files that
+    /// could not be read.
     Identity(Vec<Gap>, Vec<String>),
     /// The result is not a valid profile: the reason.
     Profile(String),

@@ -1,4 +1,5 @@
-//! Values of Marlin's definitions, as C works them out: integers as integers, all operators, lists in braces.
+//! Values of Marlin's definitions, as C works them out: integers as integers, all operators,
+//! lists in braces.
 
 use crate::c_macros::expanded;
 use crate::c_tokens::Token;

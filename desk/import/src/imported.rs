@@ -52,7 +52,8 @@ pub struct Imported {
     pub assumed: Vec<String>,
     /// Files that are included and could not be read.
     pub unread: Vec<String>,
-    /// Keys of the machine's identity that the file does not set, assumed because the caller has allowed it.
+    /// Keys of the machine's identity that the file does not set, assumed because the
+    /// caller has allowed it.
     pub by_permission: Vec<String>,
     /// Keys whose value in the file a profile may not have, with the value used instead.
     pub substituted: Vec<String>,
@@ -69,7 +70,8 @@ impl Imported {
     }
 }
 
-/// A file's name with a line. The settings of a running Klipper have no lines that a person could look up.
+/// A file's name with a line. The settings of a running Klipper have no lines that a
+/// person could look up.
 #[must_use]
 pub fn place(name: &str, line: usize) -> String {
     if name.starts_with("http://") { name.to_owned() } else { format!("{name}:{line}") }

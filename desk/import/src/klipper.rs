@@ -1,5 +1,5 @@
-//! Reads the form of Klipper's files: sections, keys with `:` or `=`, values that continue in indented lines,
-//! comments, includes.
+//! Reads the form of Klipper's files: sections, keys with `:` or `=`, values that continue in
+//! indented lines, comments, includes.
 
 use std::collections::HashMap;
 
@@ -17,7 +17,8 @@ pub struct Entry {
     pub key: String,
     /// Its value; lines after the first with a line end before each.
     pub value: String,
-    /// The setting is in the part that SAVE_CONFIG has written, and holds only where no other line sets its key.
+    /// The setting is in the part that SAVE_CONFIG has written, and holds only where no other
+    /// line sets its key.
     pub is_saved: bool,
 }
 
@@ -37,7 +38,8 @@ pub struct Section {
 }
 
 impl Section {
-    /// The setting of a key that holds: the last one; one that SAVE_CONFIG has written only if there is no other.
+    /// The setting of a key that holds: the last one; one that SAVE_CONFIG has written only if
+    /// there is no other.
     pub fn entry(&self, key: &str) -> Option<&Entry> {
         crate::effort::count();
         self.entries.get(*self.holding.get(key)?)
@@ -81,8 +83,8 @@ pub fn parse(name: &str, text: &str, include: &mut dyn FnMut(&str) -> Included) 
     Ok(config)
 }
 
-/// The line at which SAVE_CONFIG's part begins, in comments of a special form. Klipper reads it in the main file
-/// only, and only if it contains no other line.
+/// The line at which SAVE_CONFIG's part begins, in comments of a special form. Klipper reads it in
+/// the main file only, and only if it contains no other line.
 fn saved_from(text: &str) -> usize {
     const NONE: usize = usize::MAX;
     let Some(header) = text.lines().position(|line| line.starts_with("#*# <---") && line.contains(" SAVE_CONFIG "))

@@ -239,8 +239,8 @@ impl<'a> Reading<'a> {
         }
     }
 
-    /// A switch that reports whether there is filament; Klipper's is triggered while there is. Or a sensor that sees
-    /// filament move, with or without a switch beside it.
+    /// A switch that reports whether there is filament; Klipper's is triggered while there is. Or a
+    /// sensor that sees filament move, with or without a switch beside it.
     fn filament_sensor(&mut self) {
         let [motion, switch] =
             ["filament_motion_sensor", "filament_switch_sensor"].map(|kind| self.pausing_sensor(kind));
@@ -270,7 +270,8 @@ impl<'a> Reading<'a> {
         names.find(|name| name.split(' ').next() == Some(kind) && pauses(name))
     }
 
-    /// The pin that switches the power supply, which Klipper knows as any other: by the names that its own samples give it.
+    /// The pin that switches the power supply, which Klipper knows as any other: by the names that
+    /// its own samples give it.
     fn power_supply(&mut self) {
         let is_supply = |section: &&Section| {
             let name = section.name.to_ascii_lowercase();

@@ -1,8 +1,9 @@
-//! Makes a profile from another firmware's configuration: Klipper's `printer.cfg`, Marlin's `Configuration.h`, or the
-//! reports of a running one.
+//! Makes a profile from another firmware's configuration: Klipper's `printer.cfg`, Marlin's
+//! `Configuration.h`, or the reports of a running one.
 //!
-//! Every setting of the file ends up in a [`Row`]: what the profile keeps of it, or why it has no place there. Keys that a profile needs
-//! and the file does not say come from the built-in profile `cartesian` and are named ([`Imported::assumed`]).
+//! Every setting of the file ends up in a [`Row`]: what the profile keeps of it, or why it has no
+//! place there. Keys that a profile needs and the file does not say come from the built-in profile
+//! `cartesian` and are named ([`Imported::assumed`]).
 
 mod c_macros;
 mod c_tokens;

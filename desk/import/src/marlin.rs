@@ -14,7 +14,8 @@ const SECOND_FILE: &str = "Configuration_adv.h";
 /// Stands for a line end that a backslash takes away.
 const CONTINUED: char = '\u{1a}';
 
-/// Returns true if a file is one of Marlin's configuration: a header, or a text with one of its definitions.
+/// Returns true if a file is one of Marlin's configuration: a header, or a text with one of
+/// its definitions.
 pub fn is_one(name: &str, text: &str) -> bool {
     let is_header = Path::new(name).extension().is_some_and(|end| end.eq_ignore_ascii_case("h"));
     is_header
@@ -192,7 +193,8 @@ fn constant(line: &str) -> Option<(&str, &str)> {
     Some((name, value.trim().trim_end_matches(';').trim_end()))
 }
 
-/// The text with spaces where comments are, so that lines keep their numbers. A `//` in a string stays.
+/// The text with spaces where comments are, so that lines keep their numbers. A `//`
+/// in a string stays.
 fn without_comments(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let mut rest = text;

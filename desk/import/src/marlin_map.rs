@@ -136,7 +136,8 @@ impl<'a> Reading<'a> {
         self.definitions.get(name)
     }
 
-    /// Reads a switch, which is on without a value. `None` where it is not there or cannot be worked out.
+    /// Reads a switch, which is on without a value. `None` where it is not there or
+    /// cannot be worked out.
     fn flag(&self, name: &str) -> Option<bool> {
         let definition = self.get(name)?;
         if definition.value.is_empty() {
@@ -145,7 +146,8 @@ impl<'a> Reading<'a> {
         number(name, &self.values).map(|number| number != 0.0)
     }
 
-    /// Tells whether a signal's state is low. A state that cannot be worked out is a gap in what the machine is.
+    /// Tells whether a signal's state is low. A state that cannot be worked out is a gap in
+    /// what the machine is.
     fn is_low(&mut self, name: &str, path: &str) -> Option<bool> {
         let definition = self.get(name)?;
         let state = number(name, &self.values).map(|number| number == 0.0);

@@ -114,7 +114,8 @@ impl Report<'_> {
         }
     }
 
-    /// The travel: of M115's geometry, or of the software end stops. Both count as G-code does, with the home offset.
+    /// The travel: of M115's geometry, or of the software end stops. Both count as G-code does,
+    /// with the home offset.
     fn travel(&mut self, about: &[String], settings: &[String]) {
         let area = about.iter().enumerate().find_map(|(index, line)| {
             let full = line.split_once("full:{")?.1;

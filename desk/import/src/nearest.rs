@@ -4,7 +4,8 @@ use toml::{Table, Value};
 
 use crate::paths::{get, number};
 
-/// The speed that spreadCycle begins at for a driver that homes by stalls, as a share of the homing speed: the signal must last until then.
+/// The speed that spreadCycle begins at for a driver that homes by stalls, as a share of the homing
+/// speed: the signal must last until then.
 pub(crate) const QUIET_UNTIL: f64 = 1.25;
 
 /// The keys to change, with the values that the check would take; none where it expects no range.
@@ -58,7 +59,8 @@ pub(crate) fn nearest(table: &Table, key: &str, reason: &str) -> Vec<(String, Va
     vec![(key.to_owned(), moved)]
 }
 
-/// Speeds that a motor can follow, where its steps would come too fast. Motors that move two axes take the sum of both.
+/// Speeds that a motor can follow, where its steps would come too fast. Motors that move two axes
+/// take the sum of both.
 fn slower(table: &Table, key: &str, expected: &str) -> Option<Vec<(String, Value)>> {
     let (_, rest) = expected.split_once("a motor rate of at most ")?;
     let most = first_number(rest)?;
@@ -77,7 +79,8 @@ fn slower(table: &Table, key: &str, expected: &str) -> Option<Vec<(String, Value
     Some(both.into_iter().filter_map(slow).collect())
 }
 
-/// Homing speeds that a driver can measure the load at. The first approach is as fast as the second one at least.
+/// Homing speeds that a driver can measure the load at. The first approach is as fast as the
+/// second one at least.
 fn faster_homing(table: &Table, key: &str, expected: &str) -> Option<Vec<(String, Value)>> {
     let axis = key.strip_suffix(".slow_mm_per_s")?;
     let least = expected.strip_prefix("at least ").filter(|rest| rest.contains("\"stall\"")).and_then(first_number)?;

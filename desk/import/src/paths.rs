@@ -3,7 +3,8 @@
 use ferrostep_checked_toml::keys::paths;
 use toml::{Table, Value};
 
-/// Keys that say what machine it is: another machine's value there breaks something. A path that begins with one is meant as well.
+/// Keys that say what machine it is: another machine's value there breaks something. A path that
+/// begins with one is meant as well.
 const IDENTITY: [&str; 9] = [
     "kinematics",
     "size_mm",
@@ -28,7 +29,8 @@ pub(crate) fn is_identity(path: &str) -> bool {
         || matches!(parts.as_slice(), ["nozzle" | "bed", key, ..] if OF_HEATER.contains(key))
 }
 
-/// Numbers as people write them: six decimals are more than a profile keeps, and nothing has a sign.
+/// Numbers as people write them: six decimals are more than a profile keeps, and
+/// nothing has a sign.
 pub(crate) fn rounded(value: Value) -> Value {
     match value {
         Value::Float(number) if number.is_finite() => Value::Float((number * 1e6).round() / 1e6 + 0.0),

@@ -6,7 +6,8 @@ use std::path::Path;
 /// Longest file that is read, bytes; files of printers have less than a tenth.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// The text of a file. One of Marlin's may have signs of Latin-1 in its comments, as the compiler takes it.
+/// The text of a file. One of Marlin's may have signs of Latin-1 in its comments, as the
+/// compiler takes it.
 pub(crate) fn of_file(path: &Path) -> Result<String, String> {
     if path.is_dir() {
         return Err("this is a folder, expected a file".to_owned());

@@ -1,7 +1,8 @@
 //! Arcs in X and Y as each firmware cuts them into chords.
 //!
-//! Sources: Klipper's *G-Codes* and `klippy/extras/gcode_arcs.py`; Marlin's *Configuration* (`ARC_SUPPORT`) and
-//! `Marlin/src/gcode/motion/G2_G3.cpp`; RepRapFirmware's `DoArcMove` in `src/GCodes/GCodes.cpp` and `Configuration.h`.
+//! Sources: Klipper's *G-Codes* and `klippy/extras/gcode_arcs.py`; Marlin's *Configuration*
+//! (`ARC_SUPPORT`) and `Marlin/src/gcode/motion/G2_G3.cpp`; RepRapFirmware's `DoArcMove` in
+//! `src/GCodes/GCodes.cpp` and `Configuration.h`.
 
 use crate::motion::ArcHint;
 use std::f64::consts::TAU;
@@ -28,8 +29,8 @@ pub struct MarlinArcs {
     pub min_circle_segments: u32,
     /// `ARC_SEGMENTS_PER_SEC`, where it is set.
     pub segments_per_s: Option<f64>,
-    /// The smaller of the largest accelerations of X and Y, and of their largest speeds, for [`ArcHint`]; `None` in versions
-    /// without hints.
+    /// The smaller of the largest accelerations of X and Y, and of their largest speeds, for
+    /// [`ArcHint`]; `None` in versions without hints.
     pub hints: Option<ArcLimits>,
 }
 
@@ -72,7 +73,8 @@ impl Arc {
         i.hypot(j)
     }
 
-    /// Angle that it sweeps, radian, above 0 against the clock; a whole turn if it ends where it begins.
+    /// Angle that it sweeps, radian, above 0 against the clock; a whole turn if it ends
+    /// where it begins.
     pub fn sweep(&self) -> f64 {
         let [i, j] = self.centre_mm;
         let [x, y, ..] = self.displacement_mm;
@@ -90,7 +92,8 @@ impl Arc {
 
     /// The chords, in order.
     ///
-    /// `feed_mm_per_s` is the speed asked for: Marlin (where it has segments per second) and RepRapFirmware cut by it.
+    /// `feed_mm_per_s` is the speed asked for: Marlin (where it has segments per second) and
+    /// RepRapFirmware cut by it.
     pub fn chords(&self, cut: &ArcCut, feed_mm_per_s: f64) -> Chords {
         let sweep = self.sweep();
         let flat_mm = self.radius_mm() * sweep.abs();

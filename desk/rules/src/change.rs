@@ -69,7 +69,8 @@ pub enum Effect {
     Refused,
 }
 
-/// Takes what a command says of axes, each times `factor`. Values that are not above 0 are refused, all of them.
+/// Takes what a command says of axes, each times `factor`. Values that are not above 0 are
+/// refused, all of them.
 pub(crate) fn set_axes(words: &Words<'_>, values: &mut [f64; 4], factor: f64) -> Effect {
     let mut changed = *values;
     let mut effect = Effect::Unchanged;

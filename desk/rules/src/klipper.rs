@@ -1,15 +1,18 @@
 //! Klipper's rules.
 //!
-//! Sources: Klipper's documents *Kinematics* (look-ahead, square corner velocity, minimum cruise ratio), *Config reference*
-//! and *G-Codes*; read against `klippy/toolhead.py`, `klippy/kinematics/extruder.py` and `klippy/kinematics/corexy.py`.
+//! Sources: Klipper's documents *Kinematics* (look-ahead, square corner velocity, minimum cruise
+//! ratio), *Config reference* and *G-Codes*; read against `klippy/toolhead.py`,
+//! `klippy/kinematics/extruder.py` and `klippy/kinematics/corexy.py`.
 //!
-//! In short: one acceleration for all moves of X, Y and Z. Corners are taken as by a junction deviation of
-//! `v^2 (sqrt(2) - 1) / a`, `v` being the square corner velocity, and no faster than an arc that touches both moves within
-//! their halves. The filament's speed may jump by the instantaneous corner velocity. A second look-ahead with the
-//! acceleration times one minus the minimum cruise ratio lowers the cruise of short moves. A move of filament alone begins
+//! In short: one acceleration for all moves of X, Y and Z. Corners are taken as by a junction
+//! deviation of `v^2 (sqrt(2) - 1) / a`, `v` being the square corner velocity, and no faster
+//! than an arc that touches both moves within their halves. The filament's speed may jump by
+//! the instantaneous corner velocity. A second look-ahead with the acceleration times one minus
+//! the minimum cruise ratio lowers the cruise of short moves. A move of filament alone begins
 //! and ends at rest.
 //!
-//! Klipper also ends its look-ahead where its buffer runs low, which depends on the computer; here the buffer never does.
+//! Klipper also ends its look-ahead where its buffer runs low, which depends on the computer; here
+//! the buffer never does.
 
 mod queue;
 
@@ -18,7 +21,8 @@ use crate::motion::{Move, MoveError, PlannedMove};
 use crate::setting::{SettingError, not_negative, positive, refused};
 use queue::{Candidate, Queue};
 
-/// The times of moves that Klipper gathers before it looks ahead (`LOOKAHEAD_FLUSH_TIME`, `BUFFER_TIME_HIGH`).
+/// The times of moves that Klipper gathers before it looks ahead (`LOOKAHEAD_FLUSH_TIME`,
+/// `BUFFER_TIME_HIGH`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlushTimes {
     /// From one look-ahead to the next, s.
@@ -62,7 +66,8 @@ pub struct KlipperSettings {
 }
 
 impl KlipperSettings {
-    /// The limits of a machine that sets only its velocity, its acceleration and its nozzle; the rest is Klipper's default.
+    /// The limits of a machine that sets only its velocity, its acceleration and its nozzle; the
+    /// rest is Klipper's default.
     pub fn with_defaults(
         max_velocity_mm_per_s: f64,
         max_accel_mm_per_s2: f64,
@@ -159,8 +164,8 @@ pub struct Klipper {
     forced_flushes: u64,
 }
 
-/// Moves that the queue holds at most. Klipper has no such end; a print reaches it with moves of less than a hundredth of a
-/// millimetre on a machine that needs metres to reach its speed.
+/// Moves that the queue holds at most. Klipper has no such end; a print reaches it with moves of
+/// less than a hundredth of a millimetre on a machine that needs metres to reach its speed.
 pub const MAX_QUEUED_MOVES: usize = 1 << 17;
 
 impl Klipper {
@@ -198,7 +203,8 @@ impl Klipper {
         self.settings.change(change)
     }
 
-    /// Takes a move, and appends the moves that are planned by now. A move without length is left out.
+    /// Takes a move, and appends the moves that are planned by now. A move without
+    /// length is left out.
     ///
     /// # Errors
     /// Refuses a displacement that is no number and a speed that is not above 0; the queue stays.
@@ -220,7 +226,8 @@ impl Klipper {
         Ok(())
     }
 
-    /// Plans all moves that wait to their end at rest: for a dwell, a wait, homing, the end of the print.
+    /// Plans all moves that wait to their end at rest: for a dwell, a wait, homing, the
+    /// end of the print.
     pub fn flush(&mut self, released: &mut Vec<PlannedMove>) {
         self.queue.release(false, released);
         self.until_flush_s = self.settings.flush_times.after_stop_s;
@@ -231,7 +238,8 @@ impl Klipper {
         self.queue.len()
     }
 
-    /// Number of times that the queue reached [`MAX_QUEUED_MOVES`] and came to rest where Klipper would not.
+    /// Number of times that the queue reached [`MAX_QUEUED_MOVES`] and came to rest where
+    /// Klipper would not.
     pub const fn forced_flushes(&self) -> u64 {
         self.forced_flushes
     }

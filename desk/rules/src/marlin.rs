@@ -1,12 +1,13 @@
 //! Marlin's rules, with junction deviation or classic jerk.
 //!
-//! Sources: Marlin's documentation of M201, M203, M204, M205 and of *Configuration* (junction deviation, jerk, arcs); read
-//! against `Marlin/src/module/planner.cpp` and `planner.h`.
+//! Sources: Marlin's documentation of M201, M203, M204, M205 and of *Configuration* (junction
+//! deviation, jerk, arcs); read against `Marlin/src/module/planner.cpp` and `planner.h`.
 //!
-//! In short: each axis (on CoreXY each motor) keeps to its largest speed and acceleration, the acceleration along the path
-//! is that of prints, travels or retractions. A ring of blocks is planned anew with each line: every block ends at rest
-//! while it is the last. The block that runs keeps its end, so that a move is planned with the ring's other blocks known,
-//! less the one whose room the next line takes. The parser here is never late; a board's is, with lines of a few
+//! In short: each axis (on CoreXY each motor) keeps to its largest speed and acceleration, the
+//! acceleration along the path is that of prints, travels or retractions. A ring of blocks is
+//! planned anew with each line: every block ends at rest while it is the last. The block that runs
+//! keeps its end, so that a move is planned with the ring's other blocks known, less the one whose
+//! room the next line takes. The parser here is never late; a board's is, with lines of a few
 //! hundredths of a millimetre, and then slows down (SLOWDOWN) or starves.
 
 mod corner;
@@ -60,8 +61,8 @@ impl Marlin {
         self.settings.change(change)
     }
 
-    /// Takes a move, and appends the moves that are planned by now. A move without length is left out; one of fewer steps
-    /// than `min_steps_per_segment` is made together with the next.
+    /// Takes a move, and appends the moves that are planned by now. A move without length is left
+    /// out; one of fewer steps than `min_steps_per_segment` is made together with the next.
     ///
     /// # Errors
     /// Refuses a displacement that is no number and a speed that is not above 0; the queue stays.
@@ -95,7 +96,8 @@ impl Marlin {
         Ok(())
     }
 
-    /// Plans all moves that wait to their end at rest: for a dwell, a wait, homing, the end of the print.
+    /// Plans all moves that wait to their end at rest: for a dwell, a wait, homing, the
+    /// end of the print.
     pub fn flush(&mut self, released: &mut Vec<PlannedMove>) {
         while let Some(planned) = self.window.release() {
             released.push(planned);

@@ -30,12 +30,14 @@ impl Axis {
     }
 }
 
-/// Marlin's knowledge of the arc that a chord belongs to (`PlannerHints` in `Marlin/src/module/planner.h`).
+/// Marlin's knowledge of the arc that a chord belongs to (`PlannerHints` in
+/// `Marlin/src/module/planner.h`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ArcHint {
     /// Radius of the arc that the corner before the chord lies on, mm; 0 before the first chord.
     pub radius_mm: f64,
-    /// Speed at which the rest of the arc can be left in time, mm/s: the chord's exit speed while it is the last of the queue.
+    /// Speed at which the rest of the arc can be left in time, mm/s: the chord's exit speed while
+    /// it is the last of the queue.
     pub safe_exit_mm_per_s: f64,
 }
 
@@ -210,7 +212,8 @@ impl Phases {
 
     /// The fastest phases below a squared speed, and whether that is reached.
     ///
-    /// Ends further apart than the acceleration allows over the length keep their speeds: the one ramp between them is steeper.
+    /// Ends further apart than the acceleration allows over the length keep their speeds: the one
+    /// ramp between them is steeper.
     pub fn fastest(length_mm: f64, acceleration: f64, start2: f64, nominal2: f64, end2: f64) -> (Self, bool) {
         let peak2 = acceleration * length_mm + 0.5 * (start2 + end2);
         if peak2 >= nominal2 {

@@ -46,9 +46,11 @@ impl Rules {
         }
     }
 
-    /// The factor that M220 puts on the speeds after it; `None` where the firmware refuses the value and the factor stays.
+    /// The factor that M220 puts on the speeds after it; `None` where the firmware refuses the
+    /// value and the factor stays.
     ///
-    /// Klipper takes all above 0. Marlin takes whole percents, cut off. RepRapFirmware takes 1 % and more.
+    /// Klipper takes all above 0. Marlin takes whole percents, cut off. RepRapFirmware
+    /// takes 1 % and more.
     pub fn speed_factor(self, percent: f64) -> Option<f64> {
         let percent = match self {
             Self::MarlinJunctionDeviation | Self::MarlinClassicJerk => percent.trunc(),
@@ -113,7 +115,8 @@ impl Planner {
         }
     }
 
-    /// Plans all moves that wait to their end at rest: for a dwell, a wait, homing, the end of the print.
+    /// Plans all moves that wait to their end at rest: for a dwell, a wait, homing, the
+    /// end of the print.
     pub fn flush(&mut self, released: &mut Vec<PlannedMove>) {
         match self {
             Self::Klipper(planner) => planner.flush(released),

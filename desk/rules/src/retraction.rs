@@ -2,7 +2,8 @@
 
 use crate::change::Words;
 
-/// The moves of G10 and G11. A lift of Z is a separate move, which the caller makes of [`Self::lift_mm`].
+/// The moves of G10 and G11. A lift of Z is a separate move, which the caller makes of
+/// [`Self::lift_mm`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FirmwareRetraction {
     /// Filament drawn back, mm.
@@ -18,9 +19,11 @@ pub struct FirmwareRetraction {
 }
 
 impl FirmwareRetraction {
-    /// Takes RepRapFirmware's M207: S length, R extra, F and T speeds in mm/min (T as F where it is missing), Z lift.
+    /// Takes RepRapFirmware's M207: S length, R extra, F and T speeds in mm/min (T as F where it is
+    /// missing), Z lift.
     ///
-    /// Source: Duet's *GCode dictionary*, M207; `Tool::SetFirmwareRetraction` in `src/Tools/Tool.cpp`.
+    /// Source: Duet's *GCode dictionary*, M207; `Tool::SetFirmwareRetraction` in
+    /// `src/Tools/Tool.cpp`.
     pub fn set_by_rrf_m207(&mut self, words: &Words<'_>) {
         if let Some(length) = words.get('S') {
             self.length_mm = length.max(0.0);

@@ -1,15 +1,18 @@
 //! RepRapFirmware's rules.
 //!
-//! Sources: Duet's *GCode dictionary* (M201, M203, M204, M205, M566, M572, M595) and *Configuring motion*; read against
-//! `src/Movement/DDA.cpp`, `DDARing.cpp` and `Kinematics/CoreKinematics.cpp` of RepRapFirmware 3.6.
+//! Sources: Duet's *GCode dictionary* (M201, M203, M204, M205, M566, M572, M595) and *Configuring
+//! motion*; read against `src/Movement/DDA.cpp`, `DDARing.cpp` and `Kinematics/CoreKinematics.cpp`
+//! of RepRapFirmware 3.6.
 //!
-//! In short: each axis keeps to its largest speed and acceleration, and the acceleration along the path of a move of X or Y
-//! to that of prints or travels. At a corner the speed of no axis jumps by more than its jerk. With jerk policy 0, the
-//! default, motion stops between moves of different kinds: print, travel, filament alone, Z alone. A ring of moves is
-//! planned anew with each line; moves are fixed about a tenth of a second before they run, and lines are read while less
-//! than two seconds of motion wait.
+//! In short: each axis keeps to its largest speed and acceleration, and the acceleration along the
+//! path of a move of X or Y to that of prints or travels. At a corner the speed of no axis jumps by
+//! more than its jerk. With jerk policy 0, the default, motion stops between moves of different
+//! kinds: print, travel, filament alone, Z alone. A ring of moves is planned anew with each line;
+//! moves are fixed about a tenth of a second before they run, and lines are read while less than
+//! two seconds of motion wait.
 //!
-//! Ramps of less than ten clocks, which RepRapFirmware leaves out, are kept: they take less than 14 us.
+//! Ramps of less than ten clocks, which RepRapFirmware leaves out, are kept: they take
+//! less than 14 us.
 
 mod settings;
 
@@ -23,7 +26,8 @@ use std::collections::VecDeque;
 
 /// Motion that is fixed ahead, s (`UsualMinimumPreparedTime`).
 const PREPARED_S: f64 = 0.1;
-/// Motion that is fixed ahead even where later moves could speed it up, s (`AbsoluteMinimumPreparedTime`).
+/// Motion that is fixed ahead even where later moves could speed it up, s
+/// (`AbsoluteMinimumPreparedTime`).
 const PREPARED_ANYWAY_S: f64 = 0.05;
 /// Motion that waits before no more lines are read, s.
 const WAITING_S: f64 = 2.0;
@@ -88,7 +92,8 @@ impl Rrf {
         self.settings.change(change)
     }
 
-    /// Takes a move, and appends the moves that are planned by now. A move without length is left out.
+    /// Takes a move, and appends the moves that are planned by now. A move without
+    /// length is left out.
     ///
     /// # Errors
     /// Refuses a displacement that is no number and a speed that is not above 0; the queue stays.
@@ -106,7 +111,8 @@ impl Rrf {
         Ok(())
     }
 
-    /// Plans all moves that wait to their end at rest: for a dwell, a wait, homing, the end of the print.
+    /// Plans all moves that wait to their end at rest: for a dwell, a wait, homing, the
+    /// end of the print.
     pub fn flush(&mut self, released: &mut Vec<PlannedMove>) {
         while let Some(planned) = self.window.release() {
             released.push(planned);

@@ -1,7 +1,9 @@
-//! The look-ahead over a short queue, as Marlin and RepRapFirmware have it. Speeds are squared, (mm/s)^2.
+//! The look-ahead over a short queue, as Marlin and RepRapFirmware have it. Speeds are
+//! squared, (mm/s)^2.
 //!
-//! Each move's start is no faster than its corner allows, than the moves after it can brake from, and than those before can
-//! reach. Motion ends after the last move that is known. The first move's start is fixed, since the move before it runs.
+//! Each move's start is no faster than its corner allows, than the moves after it can brake from,
+//! and than those before can reach. Motion ends after the last move that is known. The first move's
+//! start is fixed, since the move before it runs.
 
 use crate::motion::{Limit, Phases, PlannedMove};
 use std::collections::VecDeque;

@@ -58,7 +58,8 @@ fn limited(one: &Move, settings: &MarlinSettings) -> Limited {
     Limited { length, nominal: length / duration, acceleration, corner: 0.0, slowest }
 }
 
-/// The speed of a corner by junction deviation: the arc whose middle is the deviation away from the corner.
+/// The speed of a corner by junction deviation: the arc whose middle is the deviation away
+/// from the corner.
 fn by_deviation(before: &Move, one: &Move, ours: &Limited, nominal: f64, settings: &MarlinSettings) -> f64 {
     let Corner::JunctionDeviation { deviation_mm, .. } = settings.corner else { panic!("no deviation") };
     let direction = |one: &Move| {
@@ -84,7 +85,8 @@ fn by_deviation(before: &Move, one: &Move, ours: &Limited, nominal: f64, setting
     let half = (0.5 * (1.0 + cosine)).sqrt();
     let mut speed = (acceleration * deviation_mm * half / (1.0 - half)).sqrt();
     if ours.length < 1.0 && cosine > 0.5f64.sqrt() {
-        // The arc of such chords: the angle by a polynomial of Marlin's, within 0.033 of the true one.
+        // The arc of such chords: the angle by a polynomial of Marlin's, within 0.033
+        // of the true one.
         let powers = |t: f64| {
             0.032843707 - 1.451838349 * t + 29.66153956 * t.powi(2) - 131.1123477 * t.powi(3) + 262.8130562 * t.powi(4)
                 - 242.7199627 * t.powi(5)

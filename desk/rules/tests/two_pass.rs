@@ -1,5 +1,5 @@
-//! Speeds from their definition: the fastest ones that corners, braking and accelerating allow. Nothing is kept from one move
-//! to the next; a plan with fewer moves known is made anew.
+//! Speeds from their definition: the fastest ones that corners, braking and accelerating allow.
+//! Nothing is kept from one move to the next; a plan with fewer moves known is made anew.
 
 /// A move whose limits are known.
 #[derive(Clone, Copy, Debug)]

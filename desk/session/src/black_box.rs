@@ -78,7 +78,8 @@ pub struct StepsReport {
     pub made: [i64; 4],
     /// Steps that waited in the queue, the same.
     pub not_made: [i64; 4],
-    /// Positions of the motors at the end, steps from their origin; unknown without a position mark from the board.
+    /// Positions of the motors at the end, steps from their origin; unknown without a position
+    /// mark from the board.
     pub motor_steps: Option<[i64; 4]>,
     /// The same of X, Y and Z, mm; without the profile it is not known.
     pub position_mm: Option<[f64; 3]>,
@@ -131,8 +132,8 @@ fn origin(contents: &Contents<'_>) -> Option<[i64; 4]> {
     contents.past.positions.iter().flatten().find_map(|mark: &PositionMark| {
         let place = usize::try_from(mark.filled).ok().filter(|place| *place <= slots.len())?;
         let before: u64 = slots.get(..place)?.iter().map(|slot| u64::from(slot.events)).sum();
-        // The position includes the held event, which became the first of the next slot. The end of a pulse is not a
-        // step.
+        // The position includes the held event, which became the first of the next slot. The end of
+        // a pulse is not a step.
         let held = match (contents.both_edges, slots.get(place)) {
             (true, Some(_)) => 1,
             (true, None)
@@ -335,8 +336,8 @@ mod tests {
 
     #[test]
     fn what_was_made_and_what_was_not() {
-        // The mark has the queue's end before the last slot was filled: the event held back then is that slot's
-        // first.
+        // The mark has the queue's end before the last slot was filled: the event held back then is
+        // that slot's first.
         let mark = PositionMark { filled: 7, next: 6, now_ms: 8_000, motor_steps: [104, 47, 0, 7] };
         let bytes = fetched([None, Some(mark)], &RecordMemory::new());
         let contents = Contents::read(&bytes).unwrap();
@@ -353,7 +354,8 @@ mod tests {
 
     #[test]
     fn a_position_from_another_time_is_none() {
-        // The mark at the queue's end has a held event that is unknown; the other is before the first slot.
+        // The mark at the queue's end has a held event that is unknown; the other is
+        // before the first slot.
         for filled in [8, 4, 1_000] {
             let mark = PositionMark { filled, ..PositionMark::default() };
             let bytes = fetched([Some(mark), None], &RecordMemory::new());

@@ -25,7 +25,8 @@ pub struct CardImage {
 }
 
 impl CardImage {
-    /// Reads an image, whole, or makes one of a folder. Refuses an image that cannot be written back at the end.
+    /// Reads an image, whole, or makes one of a folder. Refuses an image that cannot be written
+    /// back at the end.
     ///
     /// # Errors
     /// The path cannot be read, or an image not written; the folder's files do not fit.
@@ -63,7 +64,8 @@ fn of_folder(folder: &Path) -> Result<Vec<u8>, String> {
     Ok(image.into_inner())
 }
 
-/// The entries of a folder that go on a card: files and folders that are not hidden, in the order of their names.
+/// The entries of a folder that go on a card: files and folders that are not hidden, in the
+/// order of their names.
 fn entries(folder: &Path) -> Result<Vec<(String, PathBuf)>, String> {
     let fail = |error| format!("{}: {error}", folder.display());
     let mut entries = Vec::new();

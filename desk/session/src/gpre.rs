@@ -1,4 +1,5 @@
-//! Jobs that are planned here and executed by the board: writing, reading and inspecting GPRE files.
+//! Jobs that are planned here and executed by the board: writing, reading and
+//! inspecting GPRE files.
 
 mod entry;
 mod inspect;

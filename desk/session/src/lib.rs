@@ -1,4 +1,5 @@
-//! The desk's machine in virtual time, and the jobs that it executes: what reads them, what observes them, and what they leave.
+//! The desk's machine in virtual time, and the jobs that it executes: what reads them, what
+//! observes them, and what they leave.
 
 mod ahead;
 pub mod black_box;

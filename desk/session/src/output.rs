@@ -17,7 +17,8 @@ use tempfile::{Builder, NamedTempFile};
 pub enum Accepted {
     /// A regular file, existing or new.
     File,
-    /// Also a pipe or a character device: this output is written from beginning to end without seeking.
+    /// Also a pipe or a character device: this output is written from beginning to end
+    /// without seeking.
     FileOrStream,
 }
 
@@ -61,8 +62,8 @@ enum Sink {
     Stream(File),
 }
 
-/// An output that is being written. If it is dropped before [`Self::keep`], or a signal ends the process, the temporary file is
-/// removed and an existing file of that name stays unchanged.
+/// An output that is being written. If it is dropped before [`Self::keep`], or a signal ends the
+/// process, the temporary file is removed and an existing file of that name stays unchanged.
 #[derive(Debug)]
 pub struct Output {
     /// The name as given.
@@ -76,7 +77,8 @@ impl Output {
     /// Opens an output. Through a link, the file that it leads to is replaced.
     ///
     /// # Errors
-    /// The path leads to a file of another kind, to a protected file, or through a broken link, or its folder is not writable.
+    /// The path leads to a file of another kind, to a protected file, or through a broken link, or
+    /// its folder is not writable.
     pub fn create(path: &Path, accepted: Accepted, protected: &[Protected<'_>]) -> Result<Self, OutputError> {
         let refuse = |reason: String| OutputError::new(path, reason);
         let existing = fs::metadata(path).ok();
@@ -121,7 +123,8 @@ impl Output {
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt;
-            // The permissions of any new file, minus the process's mask, and not the private ones of a temporary file.
+            // The permissions of any new file, minus the process's mask, and not the private ones
+            // of a temporary file.
             builder.permissions(fs::Permissions::from_mode(0o666));
         }
         let part = unfinished::begin(|| builder.tempfile_in(folder)).map_err(refuse)?;
@@ -220,8 +223,8 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// Returns true if an output's name leads to this file, which need not exist yet. Opens neither: opening a pipe
-/// consumes from it.
+/// Returns true if an output's name leads to this file, which need not exist yet. Opens neither:
+/// opening a pipe consumes from it.
 fn is_same(path: &Path, existing: Option<&Metadata>, other: &Path) -> bool {
     let resolved = |path: &Path| match (path.canonicalize(), folder_of(path).canonicalize(), path.file_name()) {
         (Ok(resolved), ..) => resolved,

@@ -1,7 +1,8 @@
-//! The host of the web page: it prints an uploaded file line by line, as `ferrostep send` does, and passes on a person's lines.
+//! The host of the web page: it prints an uploaded file line by line, as `ferrostep send` does, and
+//! passes on a person's lines.
 //!
-//! Two sides share its state: the page's requests, from several threads, which only note wishes, and [`run`], which alone talks with
-//! the printer. Only M112 goes past it, straight to the line.
+//! Two sides share its state: the page's requests, from several threads, which only note wishes,
+//! and [`run`], which alone talks with the printer. Only M112 goes past it, straight to the line.
 
 mod driver;
 mod job_lines;

@@ -17,8 +17,9 @@ use crate::output::OutputError;
 
 /// Observes every step and every event of the motion.
 pub trait Observer: StepObserver + Any {
-    /// A move was queued. If the source line's move ends with it, [`Self::move_ended`] follows when it has been executed.
-    /// `slowed_moves`: number of moves slowed so far because the board could not keep up with them.
+    /// A move was queued. If the source line's move ends with it, [`Self::move_ended`] follows when
+    /// it has been executed. `slowed_moves`: number of moves slowed so far because the board could
+    /// not keep up with them.
     fn planned(&mut self, _taken: &Move, _slowed_moves: u64) {}
     /// The motors' positions are redefined (homing).
     fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]);

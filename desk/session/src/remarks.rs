@@ -1,5 +1,6 @@
-//! Remarks on a job before it is printed: lines that have no effect here, or are executed differently from their text, and
-//! findings of the rehearsal (moves before homing, heaters left on ...).
+//! Remarks on a job before it is printed: lines that have no effect here, or are executed
+//! differently from their text, and findings of the rehearsal (moves before homing,
+//! heaters left on ...).
 
 use std::cell::RefCell;
 use std::fmt;

@@ -1,4 +1,5 @@
-//! Times at which the lines of a job are executed: the remaining time is read from them, and only falls.
+//! Times at which the lines of a job are executed: the remaining time is read from
+//! them, and only falls.
 
 use std::io::{self, Read};
 use std::path::Path;
@@ -16,8 +17,8 @@ use crate::session::Session;
 /// Least time between two lines that are noted, s.
 const STEP_S: f64 = 0.5;
 
-/// Maximum number of lines that are noted: only every second of them is kept of a longer job, and the time between
-/// them doubles.
+/// Maximum number of lines that are noted: only every second of them is kept of a longer job, and
+/// the time between them doubles.
 const MAX_POINTS: usize = 1 << 16;
 
 /// The printer's time at some lines of a file.
@@ -34,7 +35,8 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    /// Estimates a file for a machine with this look-ahead in blocks; stops when it becomes `unwanted`.
+    /// Estimates a file for a machine with this look-ahead in blocks; stops when it
+    /// becomes `unwanted`.
     ///
     /// # Errors
     /// The printer would stop in it; where and why.

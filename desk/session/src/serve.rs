@@ -1,5 +1,5 @@
-//! A printer on the desk that hosts connect to: the board's planner, step queue, heaters and drivers in virtual time, which
-//! follows the wall clock.
+//! A printer on the desk that hosts connect to: the board's planner, step queue, heaters and
+//! drivers in virtual time, which follows the wall clock.
 
 mod faults;
 mod host_side;
@@ -45,7 +45,8 @@ const REST_INTERVAL_NS: u64 = 100_000_000;
 /// Interval between two displays of the state.
 const STATUS_INTERVAL: Duration = Duration::from_millis(250);
 
-/// Room for the longest frame of a prepared job, and as much as a host may send meanwhile, as on a board.
+/// Room for the longest frame of a prepared job, and as much as a host may send
+/// meanwhile, as on a board.
 const JOB_BYTES: usize = ferrostep_gpre::compact::MAX_FRAME_BYTES + 1024;
 
 /// The axis that a probe homes.
@@ -69,7 +70,8 @@ pub struct Settings {
     pub speed: Speed,
     /// The faults to make.
     pub faults: Vec<Fault>,
-    /// The frame's modes along X and Y, which its accelerometer feels; `None`: the printer has none.
+    /// The frame's modes along X and Y, which its accelerometer feels; `None`: the
+    /// printer has none.
     pub frame: Option<[Mode; 2]>,
     /// The image of the card in its slot; `None`: the printer has no slot.
     pub card: Option<Vec<u8>>,
@@ -138,8 +140,8 @@ pub struct Served {
     pub card: Option<Vec<u8>>,
 }
 
-/// Serves hosts, one after the other, until `ends` returns `true`. Settings survive in `memory`, if there is one. `show` is called
-/// several times a second.
+/// Serves hosts, one after the other, until `ends` returns `true`. Settings survive in `memory`, if
+/// there is one. `show` is called several times a second.
 pub fn serve(
     hosts: Hosts,
     settings: &Settings,
@@ -207,7 +209,8 @@ async fn answer_hosts(printer: &mut HostPrinter<'_>, port: &HostPort, clock: &Vi
             let Some((host, line)) = said else { continue };
             host.answer(printer, line).await;
             if let Some(request) = printer.take_job_request() {
-                // The host that asks waits for the answer, and sends again what it sent after the question.
+                // The host that asks waits for the answer, and sends again what it sent
+                // after the question.
                 let mut line = JobHost::new(port, &mut side, clock);
                 let ended = printer.receive_job(request, &mut line, &mut room).await;
                 side.job_ended(ended);
@@ -245,8 +248,8 @@ impl Conductor {
         }
     }
 
-    /// Exchanges bytes with the host and acts on commands that do not wait their turn. Returns how much time may pass next; if none
-    /// may, it waits for the host.
+    /// Exchanges bytes with the host and acts on commands that do not wait their turn. Returns how
+    /// much time may pass next; if none may, it waits for the host.
     ///
     /// # Errors
     /// The host's line is broken for good.
@@ -321,7 +324,8 @@ impl Conductor {
         }
     }
 
-    /// A halt takes the motors' current away and is reported here; a heater's fault has been reported already.
+    /// A halt takes the motors' current away and is reported here; a heater's fault has been
+    /// reported already.
     fn follow_halt(&mut self, session: &HostSession) {
         let is_halted = session.signals().is_halted();
         if is_halted && !std::mem::replace(&mut self.was_halted, is_halted) {

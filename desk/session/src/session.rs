@@ -26,8 +26,8 @@ use crate::record::Observer;
 use crate::rules::{ByRules, RulesReader};
 use crate::version::VERSION;
 
-/// Parts of a printer on the desk that moves `M`. The types of the replies and of the steps' observer are left out:
-/// the printer's code is large, and compiled again for each type.
+/// Parts of a printer on the desk that moves `M`. The types of the replies and of the steps'
+/// observer are left out: the printer's code is large, and compiled again for each type.
 pub struct DeskPorts<'a, M>(PhantomData<(&'a (), M)>);
 
 impl<'a, M: Motion> Ports for DeskPorts<'a, M> {
@@ -77,7 +77,8 @@ pub struct Session<D, R> {
 }
 
 impl<O: Observer, R: Replies> PrintSession<O, R> {
-    /// A machine that has just been switched on and makes every step, its replies going to `replies`.
+    /// A machine that has just been switched on and makes every step, its replies
+    /// going to `replies`.
     pub fn print(profile: Profile, look_ahead: usize, observer: O, replies: R) -> Self {
         Self::new(profile, replies, |drivers| Rehearsal::new(&profile, look_ahead, drivers, observer))
     }
@@ -94,7 +95,8 @@ impl<R: Replies> LiveSession<R> {
         Self::live_with(profile, look_ahead, None, replies)
     }
 
-    /// A machine that has just been switched on, on a frame whose modes along X and Y an accelerometer feels.
+    /// A machine that has just been switched on, on a frame whose modes along X and Y an
+    /// accelerometer feels.
     pub fn live_with(profile: Profile, look_ahead: usize, frame: Option<[Mode; 2]>, replies: R) -> Self {
         let accelerometer = frame.map(|frame| Rc::new(DeskAccelerometer::new(profile.geometry(), frame)));
         let desk = |drivers| LiveDesk::new(&profile, look_ahead, drivers, accelerometer.clone());
@@ -270,7 +272,8 @@ impl<D: Desk, R: Replies> Session<D, R> {
         self.signals.halt();
     }
 
-    /// Polls a future to its end; whenever it waits, virtual time passes. `between` is called after each time.
+    /// Polls a future to its end; whenever it waits, virtual time passes. `between` is called
+    /// after each time.
     pub fn run_with<F: Future>(&self, future: F, mut between: impl FnMut(&Self)) -> F::Output {
         let mut future = pin!(future);
         let mut context = Context::from_waker(Waker::noop());
@@ -304,8 +307,9 @@ impl<D: Desk, R: Replies> Session<D, R> {
         self.run_with(future, |_| {})
     }
 
-    /// Lets time pass until the last command's wait is over, for motion or for a moment. Motion does not continue
-    /// while a command waits for a moment, so that the plan does not depend on such waits.
+    /// Lets time pass until the last command's wait is over, for motion or for a moment.
+    /// Motion does not continue while a command waits for a moment, so that the plan does not
+    /// depend on such waits.
     ///
     /// # Errors
     /// A heater or thermometer has failed; heaters are off.
@@ -324,7 +328,8 @@ impl<D: Desk, R: Replies> Session<D, R> {
         self.heat.borrow_mut().pass_to(now_ns, self.desk.state().fan_demand())
     }
 
-    /// Reports the events of the motors' drivers. A driver that fails while its motor has current halts the machine.
+    /// Reports the events of the motors' drivers. A driver that fails while its motor has current
+    /// halts the machine.
     fn tell_driver_events(&self) {
         while let Some(event) = self.drivers.take_event() {
             let halts = tell_driver_event(&event, self.desk.state().enabled_motors(), &self.replies);

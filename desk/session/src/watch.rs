@@ -61,8 +61,8 @@ impl<'a> Watch<'a> {
         Self { refusals, ..self }
     }
 
-    /// Adds the remark about a text without commands; one that was not read to its end may have them. A prepared job, whose lines are not
-    /// watched, has none.
+    /// Adds the remark about a text without commands; one that was not read to its end may have
+    /// them. A prepared job, whose lines are not watched, has none.
     pub fn end_of_text(&self, is_whole: bool) {
         if is_whole && self.line == 0 {
             let message = "no line of the file is a command: is it the one that was meant?";
@@ -70,7 +70,8 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// Adds the remarks about the end of a job; of one that `has_ended`, not of one that stopped on its way, those about what is left on.
+    /// Adds the remarks about the end of a job; of one that `has_ended`, not of one that stopped on
+    /// its way, those about what is left on.
     pub fn end(&self, heating: &impl Heating, has_ended: bool) {
         for heater in Heater::ALL.into_iter().filter(|_| has_ended) {
             let celsius = heating.status(heater).target_celsius;

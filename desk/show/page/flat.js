@@ -1,4 +1,5 @@
-// The path drawn on a plain canvas, where WebGL is missing: lines, the latest on top, and fewer of them while there are many.
+// The path drawn on a plain canvas, where WebGL is missing: lines, the latest on top, and fewer of
+// them while there are many.
 
 const FLAT_LINES = 60000;
 const QUICK_LINES = 6000;

@@ -1,4 +1,5 @@
-//! Data for the page in columns: differences of whole numbers, their bytes apart, deflated, in base64.
+//! Data for the page in columns: differences of whole numbers, their bytes apart,
+//! deflated, in base64.
 
 use std::io::Write;
 
@@ -32,7 +33,8 @@ impl Columns {
     /// Adds a column; values are rounded to whole units.
     pub fn add(&mut self, name: &'static str, unit: f64, values: impl Iterator<Item = f64>) {
         let mut before = 0;
-        // Differences modulo 2^32, so that any two numbers have one; small ones of either sign become small numbers.
+        // Differences modulo 2^32, so that any two numbers have one; small ones of either sign
+        // become small numbers.
         let differences = values.map(|value| {
             let whole = (value / unit).round() as i64 as i32;
             let difference = whole.wrapping_sub(std::mem::replace(&mut before, whole));

@@ -17,7 +17,8 @@ enum Place {
     Else,
 }
 
-/// Finds the comments that begin lines. A line ends at `\n`, `\r`, or both together, as for the printer's reader of lines.
+/// Finds the comments that begin lines. A line ends at `\n`, `\r`, or both together, as for the
+/// printer's reader of lines.
 #[derive(Debug, Default)]
 pub struct CommentReader {
     lines_ended: u32,

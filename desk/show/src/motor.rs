@@ -9,8 +9,8 @@ struct Crossing {
     half_steps: i64,
 }
 
-/// A motor, whose place at any time is taken along straight lines from one step to the next: at the tick of a step it passes midway
-/// between two whole steps.
+/// A motor, whose place at any time is taken along straight lines from one step to the next: at the
+/// tick of a step it passes midway between two whole steps.
 #[derive(Debug, Default)]
 pub(crate) struct Motor {
     /// Steps that have been taken and not passed by [`Self::at`], and the last one before.
@@ -40,12 +40,14 @@ impl Motor {
         (self.position, self.start) = (position, position);
     }
 
-    /// The place at a tick, in steps; ticks must not go back. Where steps are further apart than `rest_ticks` the motor rests on a
-    /// whole step between them, which it reaches within `settle_ticks`.
+    /// The place at a tick, in steps; ticks must not go back. Where steps are further apart
+    /// than `rest_ticks` the motor rests on a whole step between them, which it reaches
+    /// within `settle_ticks`.
     pub fn at(&mut self, tick: u64, rest_ticks: u64, settle_ticks: u64) -> f64 {
         while self.crossings.get(1).is_some_and(|next| next.tick <= tick) {
             if let Some(passed) = self.crossings.pop_front() {
-                // Half steps are odd: the whole step after a crossing lies on the other side of it than the one before.
+                // Half steps are odd: the whole step after a crossing lies on the other side of it
+                // than the one before.
                 self.start = passed.half_steps - self.start;
             }
         }

@@ -1,7 +1,8 @@
 //! The frame: each of X and Y hangs on a spring that rings, or on two.
 //!
-//! A mode follows the command `u` as `x'' + 2 z w x' + w^2 x = w^2 u`. While the command is a parabola in time the solution
-//! is known in closed form, so the state is exact at every event, whatever the time between two of them.
+//! A mode follows the command `u` as `x'' + 2 z w x' + w^2 x = w^2 u`. While the command is a
+//! parabola in time the solution is known in closed form, so the state is exact at every event,
+//! whatever the time between two of them.
 
 use crate::motion::Motion;
 use std::f64::consts::TAU;
@@ -57,7 +58,8 @@ impl Mode {
         self.omega * (self.omega * away_mm - 2.0 * self.damping * self.speed_mm_per_s)
     }
 
-    /// Returns the mode's motion without ringing: the particular solution that is itself a parabola.
+    /// Returns the mode's motion without ringing: the particular solution that is
+    /// itself a parabola.
     fn steady(&self, command: Motion) -> Motion {
         let lag_s = 2.0 * self.damping / self.omega;
         let compliance_s2 = (4.0 * self.damping * self.damping - 1.0) / (self.omega * self.omega);
@@ -69,7 +71,8 @@ impl Mode {
         }
     }
 
-    /// Lets a time pass during which the command moves on from `command` with its acceleration held.
+    /// Lets a time pass during which the command moves on from `command` with its
+    /// acceleration held.
     pub fn advance(&mut self, time_s: f64, command: Motion) {
         let (start, end) = (self.steady(command), self.steady(command.after(time_s)));
         let away_mm = self.position_mm - start.position_mm;
@@ -218,7 +221,8 @@ impl Frame {
         Ok(Self { axes: [axis(x)?, axis(y)?] })
     }
 
-    /// Lets a time pass during which the motors move X and Y on from `command` with their accelerations held.
+    /// Lets a time pass during which the motors move X and Y on from `command` with their
+    /// accelerations held.
     pub fn advance(&mut self, time_s: f64, command: [Motion; 2]) {
         for (axis, command) in self.axes.iter_mut().zip(command) {
             axis.each(|mode| mode.advance(time_s, command));

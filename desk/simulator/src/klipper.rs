@@ -1,9 +1,10 @@
 //! A plan by Klipper's documented rules, written from them, to compare with.
 //!
-//! Sources: Klipper's documents *Kinematics* (square corner velocity, look-ahead, smoothed look-ahead, pressure advance) and
-//! *Config reference* (the defaults below). In short: corners are taken as by a junction deviation of
-//! `v^2 (sqrt(2) - 1) / a`; a second look-ahead with the acceleration times one minus the minimum cruise ratio caps the
-//! cruise, so that short moves do not accelerate and brake all the time; the extruder's speed may jump at corners by the
+//! Sources: Klipper's documents *Kinematics* (square corner velocity, look-ahead, smoothed
+//! look-ahead, pressure advance) and *Config reference* (the defaults below). In short: corners are
+//! taken as by a junction deviation of `v^2 (sqrt(2) - 1) / a`; a second look-ahead with the
+//! acceleration times one minus the minimum cruise ratio caps the cruise, so that short moves do
+//! not accelerate and brake all the time; the extruder's speed may jump at corners by the
 //! instantaneous corner velocity.
 
 use crate::plan::{ExtruderFilter, Filters, MoveShape, MoveSpeeds};
@@ -125,7 +126,8 @@ impl Candidate {
                 cruise = cruise.min(z_feed * ratio);
                 acceleration = acceleration.min(z_acceleration * ratio);
             }
-            // A move that retracts, or one of Z with filament, keeps to the limits of filament alone.
+            // A move that retracts, or one of Z with filament, keeps to the limits
+            // of filament alone.
             if shape.filament_mm != 0.0 && ((x == 0.0 && y == 0.0) || shape.filament_mm < 0.0) {
                 let ratio = length_mm / shape.filament_mm.abs();
                 cruise = cruise.min(e_feed * ratio);
@@ -163,7 +165,8 @@ impl Candidate {
         if filament_jump > 0.0 {
             start = start.min((settings.instantaneous_corner_velocity_mm_per_s / filament_jump).powi(2));
         }
-        // Half of the angle between the one direction and the reverse of the other: 90 degrees is straight on.
+        // Half of the angle between the one direction and the reverse of the other: 90
+        // degrees is straight on.
         let sine = (0.5 * (1.0 + cosine)).max(0.0).sqrt();
         let half_cosine = (0.5 * (1.0 - cosine)).max(0.0).sqrt();
         if sine < 1.0 && half_cosine > 0.0 {
@@ -231,7 +234,8 @@ fn backwards(candidates: &[Candidate]) -> Vec<Known> {
         let smoothed = candidate.max_smoothed_start.min(smoothed_reachable);
         let mut cruise = None;
         if smoothed < smoothed_reachable {
-            // The move can accelerate. If it can also brake, or those after it only brake, the smoothed peak is here.
+            // The move can accelerate. If it can also brake, or those after it only brake, the
+            // smoothed peak is here.
             if smoothed + candidate.smoothed_gain > next_smoothed || only_brake > 0 {
                 peak = 0.5 * (smoothed + smoothed_reachable);
             }

@@ -1,4 +1,5 @@
-//! Laws of motion in pieces, and what a filter makes of them: the reference for shaped motion, in f64.
+//! Laws of motion in pieces, and what a filter makes of them: the reference for
+//! shaped motion, in f64.
 
 mod cursor;
 mod pieces;

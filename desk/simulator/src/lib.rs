@@ -1,9 +1,10 @@
 //! A train of steps, or a plan, through a frame that rings and a nozzle under pressure.
 //!
-//! [`steps`] plays step events as a trace has them or as a plan makes them, [`plan`] plays laws of motion without
-//! steps; the plans are those of [`klipper`]'s rules or of the oracle's planner. Both feed the same [`frame`] and
-//! [`nozzle`], and [`measures`] reports how far the nozzle is from the programmed path and how much material is out
-//! of place. [`shapers`] and [`law`] are the f64 definitions of shaped motion that the firmware's is compared with.
+//! [`steps`] plays step events as a trace has them or as a plan makes them, [`plan`] plays laws of
+//! motion without steps; the plans are those of [`klipper`]'s rules or of the oracle's planner.
+//! Both feed the same [`frame`] and [`nozzle`], and [`measures`] reports how far the nozzle is from
+//! the programmed path and how much material is out of place. [`shapers`] and [`law`] are the f64
+//! definitions of shaped motion that the firmware's is compared with.
 //!
 //! This crate depends on no code of the firmware.
 #![deny(missing_docs)]

@@ -21,16 +21,19 @@ const DIFFERENCE_SAMPLES: usize = 4;
 /// The same in seconds.
 const DIFFERENCE_S: f64 = DIFFERENCE_SAMPLES as f64 * SAMPLE_S;
 
-/// Maximum time by which the nozzle leads or lags the plan, s: a shaper's half length and the frame's lag.
+/// Maximum time by which the nozzle leads or lags the plan, s: a shaper's half length and
+/// the frame's lag.
 pub const WINDOW_S: f64 = 0.03;
 
-/// Maximum number of samples that wait for the path: 10 min. Only the end of a longer move is measured.
+/// Maximum number of samples that wait for the path: 10 min. Only the end of a longer
+/// move is measured.
 const MAX_WAITING: usize = 2_400_000;
 
 /// Pause of the motion after which it has stopped, s.
 pub const STOP_S: f64 = 0.02;
 
-/// Contour error, um: distance of the nozzle from the programmed path while printing, over equal times.
+/// Contour error, um: distance of the nozzle from the programmed path while printing,
+/// over equal times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ContourError {
     /// Root of the mean square.
@@ -50,7 +53,8 @@ pub struct Ringing {
     pub rms_um: f64,
     /// The largest amplitude, um.
     pub max_um: f64,
-    /// `rms_um` as a part of that of the same job planned without any filter; missing where that plan is not known.
+    /// `rms_um` as a part of that of the same job planned without any filter; missing where that
+    /// plan is not known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub relative: Option<f64>,
 }

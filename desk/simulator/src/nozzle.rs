@@ -1,8 +1,9 @@
 //! The nozzle: filament that is pushed in compresses what is before it, and pressure drives it out.
 //!
-//! The state is the compressed volume. Flow is a piecewise linear function of it: with one slope it is volume over time
-//! constant, which is what linear pressure advance undoes; with two, the second one holds above a flow. Below zero is the
-//! gap that a retraction leaves: nothing flows until it is filled. For a constant feed the state is known in closed form.
+//! The state is the compressed volume. Flow is a piecewise linear function of it: with one slope it
+//! is volume over time constant, which is what linear pressure advance undoes; with two, the second
+//! one holds above a flow. Below zero is the gap that a retraction leaves: nothing flows until it
+//! is filled. For a constant feed the state is known in closed form.
 
 use std::fmt;
 use std::ops::RangeInclusive;

@@ -68,7 +68,8 @@ impl PathWindow {
         self.known_until_s
     }
 
-    /// Marks the path as complete up to this time: the motors stood, or moved only Z or the extruder.
+    /// Marks the path as complete up to this time: the motors stood, or moved only Z
+    /// or the extruder.
     pub fn nothing_until(&mut self, time_s: f64) {
         self.known_until_s = self.known_until_s.max(time_s);
     }
@@ -91,7 +92,8 @@ impl PathWindow {
         self.segments.get(index).map(|(segment, _)| segment).filter(|segment| segment.start_s <= time_s)
     }
 
-    /// The nearest of the segments that the plan passes between two times: distance, place along the whole path, segment.
+    /// The nearest of the segments that the plan passes between two times: distance, place along
+    /// the whole path, segment.
     pub fn nearest(&self, point_mm: [f64; 2], [from_s, to_s]: [f64; 2]) -> Option<(f64, f64, &PathSegment)> {
         let mut best: Option<(f64, f64, &PathSegment)> = None;
         let first = self.segments.partition_point(|(segment, _)| segment.end_s < from_s);

@@ -1,4 +1,5 @@
-//! A plan as laws of the axes and the filament, and its simulation: position as a function of time, without steps.
+//! A plan as laws of the axes and the filament, and its simulation: position as a function of
+//! time, without steps.
 
 mod extruder;
 
@@ -15,7 +16,8 @@ use crate::shapers::Shaper;
 use ferrostep_oracle::reference::{EXTRUDER_FRACTIONS_PER_UNIT, Job, Move, Trapezoid, UNITS_PER_MM};
 use std::fmt;
 
-/// Simulated before a plan's beginning and after its end, s: shapers look ahead, and what rings must be seen.
+/// Simulated before a plan's beginning and after its end, s: shapers look ahead, and what
+/// rings must be seen.
 const MARGIN_S: f64 = 0.3;
 
 /// Speeds of a move along its path (along the filament, if only that moves).
@@ -98,7 +100,8 @@ pub(crate) struct MoveEnd {
 }
 
 impl Plan {
-    /// The plans of a job whose moves have these speeds: one, and another after each homing on the way.
+    /// The plans of a job whose moves have these speeds: one, and another after each
+    /// homing on the way.
     pub fn of_job(job: &Job, speeds: &[MoveSpeeds], filament_mm2: f64) -> Vec<Self> {
         let mut plans = Vec::new();
         let mut builder = Builder::new(filament_mm2);
@@ -350,7 +353,8 @@ impl Player<'_> {
             let sample_s = -MARGIN_S + index as f64 * SAMPLE_S;
             while time_s < sample_s {
                 let until_s = x.next_breakpoint_s(time_s).min(y.next_breakpoint_s(time_s)).min(sample_s);
-                // The middle is inside one piece of every impulse, which the ends, by rounding, may not be.
+                // The middle is inside one piece of every impulse, which the ends, by
+                // rounding, may not be.
                 let half_s = 0.5 * (until_s - time_s);
                 command = [x.at(time_s + half_s), y.at(time_s + half_s)].map(|one| one.after(-half_s));
                 if let Some(amplitude_mm) = rest.look(time_s, command, &frame) {
@@ -400,7 +404,8 @@ struct Rest {
 }
 
 impl Rest {
-    /// Called where the motion may change; returns the amplitude at the stop's beginning once it has lasted long enough.
+    /// Called where the motion may change; returns the amplitude at the stop's beginning once it
+    /// has lasted long enough.
     fn look(&mut self, time_s: f64, command: [Motion; 2], frame: &Frame) -> Option<f64> {
         if !command.iter().all(|one| one.is_standing()) {
             self.has_moved = true;

@@ -1,11 +1,12 @@
 //! Input shapers: impulses that, convolved with a command, leave a mode of the frame at rest.
 //!
-//! A shaper is a list of weights, which sum to 1, and delays. It is made for a mode: its undamped frequency and its damping
-//! ratio. What it leaves of another mode's vibration is [`Shaper::residual`].
+//! A shaper is a list of weights, which sum to 1, and delays. It is made for a mode: its undamped
+//! frequency and its damping ratio. What it leaves of another mode's vibration is
+//! [`Shaper::residual`].
 //!
-//! Sources: ZV, ZVD and ZVDD: Singer and Seering 1990; EI and its humps: Singhose, Seering and Singer 1996 and, with
-//! damping, the polynomials that Singhose and Vaughan published, as Klipper and RepRapFirmware use them since 2025; MZV and
-//! its general form: as Klipper defines them.
+//! Sources: ZV, ZVD and ZVDD: Singer and Seering 1990; EI and its humps: Singhose, Seering and
+//! Singer 1996 and, with damping, the polynomials that Singhose and Vaughan published, as Klipper
+//! and RepRapFirmware use them since 2025; MZV and its general form: as Klipper defines them.
 
 mod even_spacing;
 mod kind;
@@ -23,7 +24,8 @@ pub use name::UnknownShaper;
 /// Vibration that the shapers with humps leave on purpose: 5 %, as everywhere.
 const TOLERANCE: f64 = 0.05;
 
-/// Frequencies that a shaper is made for, Hz: below, its delays are longer than a move; above, frames have no modes.
+/// Frequencies that a shaper is made for, Hz: below, its delays are longer than a move; above,
+/// frames have no modes.
 pub const FREQUENCY_HZ: std::ops::RangeInclusive<f64> = 1.0..=1000.0;
 
 /// A shaper could not be made.
@@ -79,7 +81,8 @@ impl Shaper {
         Self { impulses: vec![Impulse { weight: 1.0, delay_s: 0.0 }] }
     }
 
-    /// The shaper for a mode of this undamped frequency and damping ratio. Its first impulse has no delay.
+    /// The shaper for a mode of this undamped frequency and damping ratio. Its first
+    /// impulse has no delay.
     ///
     /// # Errors
     /// The frequency or the damping is outside of what the shaper is defined for.
@@ -167,14 +170,15 @@ impl Shaper {
         }
     }
 
-    /// Variance of the delays, s^2. An acceleration `a` displaces the shaped position by `a` times half of it.
+    /// Variance of the delays, s^2. An acceleration `a` displaces the shaped position by `a`
+    /// times half of it.
     pub fn variance_s2(&self) -> f64 {
         let centroid_s = self.centroid_s();
         self.impulses.iter().map(|one| one.weight * (one.delay_s - centroid_s).powi(2)).sum()
     }
 
-    /// Returns the remaining vibration of a mode (undamped frequency, Hz, and damping ratio), as a part of what one
-    /// impulse makes at the time of the last.
+    /// Returns the remaining vibration of a mode (undamped frequency, Hz, and damping ratio), as a
+    /// part of what one impulse makes at the time of the last.
     pub fn residual(&self, frequency_hz: f64, damping: f64) -> f64 {
         let omega = TAU * frequency_hz;
         let damped = omega * (1.0 - damping * damping).sqrt();
@@ -200,7 +204,8 @@ fn ei_with_damping(v: f64, damping: f64, period_s: f64) -> Vec<(f64, f64)> {
     vec![(first, 0.0), (1.0 - first - last, middle_periods * period_s), (last, period_s)]
 }
 
-/// Coefficients in rising powers of the damping ratio: an impulse's weight, and its delay in undamped periods.
+/// Coefficients in rising powers of the damping ratio: an impulse's weight, and its delay in
+/// undamped periods.
 type Fitted = ([f64; 4], [f64; 4]);
 
 const TWO_HUMP_EI: [Fitted; 4] = [

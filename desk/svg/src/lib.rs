@@ -1,4 +1,5 @@
-//! The page on which charts of the book are drawn: a frame, a title for those who hear it, and text in one font.
+//! The page on which charts of the book are drawn: a frame, a title for those who hear it, and
+//! text in one font.
 
 use std::fmt::Display;
 

@@ -1,4 +1,5 @@
-//! The page: its text, style and program in one file, which loads nothing and speaks to its own server only.
+//! The page: its text, style and program in one file, which loads nothing and speaks to its
+//! own server only.
 
 use std::sync::LazyLock;
 

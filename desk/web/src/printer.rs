@@ -104,7 +104,8 @@ pub struct Upload {
     pub bytes: u64,
 }
 
-/// A printer that the page shows. The calls come from several threads and return soon: none waits for the printer.
+/// A printer that the page shows. The calls come from several threads and return soon: none waits
+/// for the printer.
 pub trait Printer: Send + Sync + 'static {
     /// Its state now.
     fn state(&self) -> State;

@@ -100,7 +100,8 @@ impl AdvanceLines {
         self.temperatures.check(profile)
     }
 
-    /// The G-code: a line for each value, slow, fast and slow again, between them travels with the filament pulled back.
+    /// The G-code: a line for each value, slow, fast and slow again, between them travels with the
+    /// filament pulled back.
     ///
     /// # Errors
     /// [`PatternError`].

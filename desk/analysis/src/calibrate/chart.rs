@@ -21,8 +21,8 @@ const SHOWN_HZ: f64 = 200.0;
 /// Colours of the record and of what the recommended shaper leaves.
 const COLOURS: [&str; 2] = ["#0072b2", "#d55e00"];
 
-/// The square root of the density over frequency, as recorded and as the recommended shaper leaves it, each as a part of the highest;
-/// and where the mode is. `None` without a record.
+/// The square root of the density over frequency, as recorded and as the recommended shaper leaves
+/// it, each as a part of the highest; and where the mode is. `None` without a record.
 pub fn draw(measured: &FrameMeasurement) -> Option<String> {
     let spectrum = measured.spectrum.as_ref()?;
     let mode = &measured.mode;

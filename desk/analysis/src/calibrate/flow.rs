@@ -9,7 +9,8 @@ use super::pattern::{Bead, MARGIN_MM, PatternError, Temperatures, in_range, mm, 
 /// Side of the tube, mm.
 const SIDE_MM: f64 = 60.0;
 
-/// Layer height and wall for each mm of the nozzle's diameter: a wall thick enough to be measured, and for much flow at little speed.
+/// Layer height and wall for each mm of the nozzle's diameter: a wall thick enough to be measured,
+/// and for much flow at little speed.
 const HEIGHT_OF_NOZZLE: f64 = 0.6;
 const WIDTH_OF_NOZZLE: f64 = 1.5;
 
@@ -26,7 +27,8 @@ const FIRST_LAYER_MM_PER_S: f64 = 20.0;
 /// A caliper is read to this, mm.
 const READING_MM: f64 = 0.02;
 
-/// Student's t: half of an interval that holds 95 of 100, in standard deviations of a mean of 2, 3 ... readings.
+/// Student's t: half of an interval that holds 95 of 100, in standard deviations of a mean of
+/// 2, 3 ... readings.
 const STUDENT_95: [f64; 9] = [12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26];
 
 /// A factor that is known worse than this is not worth a key.

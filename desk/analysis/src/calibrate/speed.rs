@@ -26,7 +26,8 @@ const MARK_MM_PER_S2: f64 = 500.0;
 /// Side of the square in which short moves are made, mm.
 const SMALL_MM: f64 = 20.0;
 
-/// Share of the value that held which goes into the profile: a motor is weaker when it is hot and the axis is dirty.
+/// Share of the value that held which goes into the profile: a motor is weaker when it is hot and
+/// the axis is dirty.
 const KEPT: f64 = 0.85;
 
 /// Layer height and line width for each mm of the nozzle's diameter.
@@ -109,7 +110,8 @@ impl SpeedSteps {
         Ok(())
     }
 
-    /// The keys of a profile for the last stage whose marks are in line, counted from 1; 0 for none.
+    /// The keys of a profile for the last stage whose marks are in line, counted
+    /// from 1; 0 for none.
     ///
     /// # Errors
     /// [`PatternError`].
@@ -150,7 +152,8 @@ struct Place {
 }
 
 impl SpeedMoves {
-    /// The G-code: marks to compare with, then in each stage moves over the bed and a mark beside its own.
+    /// The G-code: marks to compare with, then in each stage moves over the bed and a
+    /// mark beside its own.
     ///
     /// # Errors
     /// [`PatternError`].
@@ -242,7 +245,8 @@ fn own_limits(out: &mut String, profile: &Profile) {
     let _ = writeln!(out, "M201 X{x} Y{y}\nM203 X{feed_x} Y{feed_y}\nM204 P{MARK_MM_PER_S2} T{MARK_MM_PER_S2}");
 }
 
-/// Returns the maximum speed of X and Y together at which every motor keeps the minimum event interval, mm/s.
+/// Returns the maximum speed of X and Y together at which every motor keeps the minimum
+/// event interval, mm/s.
 fn fastest_mm_per_s(profile: &Profile) -> f64 {
     let steps_per_s = f64::from(TICKS_PER_SECOND) / f64::from(profile.minimum_event_interval_ticks);
     let motors = profile.kinematics.largest_motor_feeds([1.0, 1.0, 0.0]);
@@ -279,7 +283,8 @@ impl Place {
         );
     }
 
-    /// Over the whole bed along its diagonals and its sides, then short moves to and fro in the middle.
+    /// Over the whole bed along its diagonals and its sides, then short moves to and
+    /// fro in the middle.
     fn moves(&self, out: &mut String, feed_mm_per_min: f64) {
         let [[low_x, low_y], [high_x, high_y]] = self.moves;
         let [x, y] = [0.5 * (low_x + high_x), 0.5 * (low_y + high_y)];

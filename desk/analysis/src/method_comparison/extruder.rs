@@ -1,4 +1,5 @@
-//! The extruder against lambda s(t), from the filament that the printer asked for and the path that the other motors made.
+//! The extruder against lambda s(t), from the filament that the printer asked for and the path that
+//! the other motors made.
 
 use std::collections::VecDeque;
 
@@ -80,7 +81,8 @@ impl Extruder {
         self.start_100pm += filament_100pm;
     }
 
-    /// Its greatest distance from lambda s(t), just before or just after one of its steps, in steps.
+    /// Its greatest distance from lambda s(t), just before or just after one of its
+    /// steps, in steps.
     pub fn farthest_off_steps(&self) -> f64 {
         self.farthest_off_steps
     }

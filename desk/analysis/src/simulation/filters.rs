@@ -1,4 +1,5 @@
-//! The filters of the printed and of the compared plan, and the frame that they are made for or that differs from them.
+//! The filters of the printed and of the compared plan, and the frame that they are made for or
+//! that differs from them.
 
 use std::fmt;
 
@@ -38,8 +39,8 @@ pub struct FilterWords {
 /// Filters and frame of a simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimulatedFilters {
-    /// Filters of the steps when the job begins; [`ShaperKind::None`] on both axes for a trace, whose filters are
-    /// unknown.
+    /// Filters of the steps when the job begins; [`ShaperKind::None`] on both axes for a trace,
+    /// whose filters are unknown.
     pub steps: [AxisShaper; 2],
     /// Filter of the compared plan, if there is one.
     pub compared: Option<ComparedFilter>,
@@ -80,8 +81,8 @@ pub enum FilterError {
     Detune(f64),
     /// `--detune` without any filter.
     NothingToDetune,
-    /// `--detune`, and the filters of an axis are made for two frequencies: the axis, that of the steps' and of the compared
-    /// plan's, Hz.
+    /// `--detune`, and the filters of an axis are made for two frequencies: the axis, that of the
+    /// steps' and of the compared plan's, Hz.
     TwoFrequencies(char, [f64; 2]),
 }
 
@@ -204,7 +205,8 @@ impl FilterWords {
         Ok(SimulatedFilters { steps, compared, frame_hz })
     }
 
-    /// The filter of an axis under `--input-shaper`: frequency and damping are the profile's unless given.
+    /// The filter of an axis under `--input-shaper`: frequency and damping are the
+    /// profile's unless given.
     fn shaper(&self, kind: ShaperKind, axis: usize, profiles: AxisShaper) -> AxisShaper {
         let profiles = Some(profiles).filter(is_filter);
         AxisShaper {

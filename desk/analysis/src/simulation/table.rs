@@ -86,7 +86,8 @@ pub struct Simulated {
     pub path: &'static str,
     /// Frame and nozzle.
     pub machine: SimulatedMachine,
-    /// Excess of the frame's frequencies over those that the filters are made for, per cent, if given.
+    /// Excess of the frame's frequencies over those that the filters are made for,
+    /// per cent, if given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub detune_percent: Option<f64>,
     /// The filters of the steps when the job begins.

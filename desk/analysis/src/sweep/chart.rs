@@ -31,8 +31,8 @@ impl Scale {
     }
 }
 
-/// A chart of a sweep: a point for each value that the job can be printed with, each value as far from the next as the next from the
-/// one after it, and a dashed line where the profile is.
+/// A chart of a sweep: a point for each value that the job can be printed with, each value as far
+/// from the next as the next from the one after it, and a dashed line where the profile is.
 pub fn draw(swept: &Swept) -> String {
     let rows: Vec<(&Row, f64)> = swept.rows.iter().filter_map(|row| Some((row, row.print_time_s?))).collect();
     let times = || rows.iter().map(|(_, time_s)| *time_s).chain([swept.print_time_s]);

@@ -15,7 +15,8 @@ use crate::without_commands::{Dropped, WithoutCommands};
 /// Frames that are tried: as measured, and as soft and as stiff as they may be.
 const SIDES: [f64; 3] = [0.0, -1.0, 1.0];
 
-/// The distance from the path that the nozzle stays within in 99 % of the printing time, um: the worst of the frames.
+/// The distance from the path that the nozzle stays within in 99 % of the printing time, um: the
+/// worst of the frames.
 ///
 /// # Errors
 /// Message that says why the job cannot be simulated.

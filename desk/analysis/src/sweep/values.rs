@@ -6,8 +6,8 @@ use std::str::FromStr;
 /// The most values of a sweep.
 pub const MAX_VALUES: usize = 32;
 
-/// Numbers in the order in which they were given: `500,1000,3000`, or `500..16000` for each twice the one before, from the first
-/// to the last.
+/// Numbers in the order in which they were given: `500,1000,3000`, or `500..16000` for each twice
+/// the one before, from the first to the last.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Values(Vec<f64>);
 

@@ -262,7 +262,8 @@ proptest! {
     ) {
         let file = [header(1, has_checksums.into()), bytes].concat();
         let (text, outcome) = read(&file, 64, room);
-        // Heatshrink makes 16 bytes of 17 bits at most, Deflate 1032 of one byte, MeatPack doubles them.
+        // Heatshrink makes 16 bytes of 17 bits at most, Deflate 1032 of one byte,
+        // MeatPack doubles them.
         prop_assert!(text.len() <= 2100 * file.len());
         prop_assert_eq!(read(&file, 1, 1000), (text, outcome));
     }

@@ -7,16 +7,18 @@ use clap::Subcommand;
 /// What `calibrate` measures.
 #[derive(Subcommand)]
 pub enum Calibration {
-    /// The frequency of the frame and the input shaper for it: from a record of an accelerometer, as Klipper's TEST_RESONANCES (raw_data)
-    /// and RepRapFirmware's M956 write it, or from waves behind a corner of a print.
+    /// The frequency of the frame and the input shaper for it: from a record of an accelerometer,
+    /// as Klipper's TEST_RESONANCES (raw_data) and RepRapFirmware's M956 write it, or from waves
+    /// behind a corner of a print.
     Shaper(CalibrateShaperArguments),
-    /// Pressure advance: writes lines of different K to print, and turns the number of the best one into keys.
+    /// Pressure advance: writes lines of different K to print, and turns the number of the
+    /// best one into keys.
     Advance(CalibrateAdvanceArguments),
-    /// Flow: writes a tube with one wall to print, and turns the thickness of its walls, and the height up to which it is whole, into
-    /// keys.
+    /// Flow: writes a tube with one wall to print, and turns the thickness of its walls, and the
+    /// height up to which it is whole, into keys.
     Flow(CalibrateFlowArguments),
-    /// What the motors can: writes moves of rising acceleration or speed with marks between them, and turns the number of the last one
-    /// without lost steps into keys.
+    /// What the motors can: writes moves of rising acceleration or speed with marks between them,
+    /// and turns the number of the last one without lost steps into keys.
     Speed(CalibrateSpeedArguments),
 }
 
@@ -98,7 +100,8 @@ pub struct CalibrateFlowArguments {
     /// The G-code to write.
     #[arg(short, value_name = "TUBE.gcode")]
     pub out: Option<PathBuf>,
-    /// Walls of the lowest part as a caliper measures them, mm, at least two; the extruder's key is printed.
+    /// Walls of the lowest part as a caliper measures them, mm, at least two; the
+    /// extruder's key is printed.
     #[arg(long, value_name = "MM,MM,...", value_delimiter = ',')]
     pub walls: Vec<f64>,
     /// Height up to which the wall is whole, mm; the key for the largest flow is printed.
@@ -129,7 +132,8 @@ pub struct CalibrateSpeedArguments {
     /// The G-code to write.
     #[arg(short, value_name = "MOVES.gcode", conflicts_with = "good", required_unless_present = "good")]
     pub out: Option<PathBuf>,
-    /// The last stage whose marks are in line, counted from the left; keys of the profile are printed.
+    /// The last stage whose marks are in line, counted from the left; keys of the
+    /// profile are printed.
     #[arg(long, value_name = "STAGE")]
     pub good: Option<u16>,
     /// What rises from stage to stage.

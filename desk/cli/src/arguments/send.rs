@@ -9,7 +9,8 @@ use super::job::PlateArgument;
 /// Arguments of `send`.
 #[derive(clap::Args)]
 pub struct SendArguments {
-    /// G-code, as text or binary (.bgcode), plain or gzip, or a sliced 3MF, or a prepared job in the compact encoding; - is standard input.
+    /// G-code, as text or binary (.bgcode), plain or gzip, or a sliced 3MF, or a prepared job in
+    /// the compact encoding; - is standard input.
     pub file: PathBuf,
     /// The plate of a 3MF.
     #[command(flatten)]
@@ -23,14 +24,16 @@ pub struct SendArguments {
     /// G-code to send line by line instead if the board refuses the prepared job.
     #[arg(long, value_name = "FILE")]
     pub fallback: Option<PathBuf>,
-    /// Writes G-code to the printer's memory card under this name, 8 characters and 3 after the dot, instead of printing it.
+    /// Writes G-code to the printer's memory card under this name, 8 characters and 3 after the
+    /// dot, instead of printing it.
     #[arg(long, value_name = "NAME", conflicts_with = "fallback")]
     pub to_card: Option<String>,
-    /// The printer, as its profile describes it: cartesian, corexy, prusa-mini, or the path of a TOML file. The remaining time of
-    /// G-code is estimated for it, instead of being the slicer's.
+    /// The printer, as its profile describes it: cartesian, corexy, prusa-mini, or the path of a
+    /// TOML file. The remaining time of G-code is estimated for it, instead of being the slicer's.
     #[arg(long, value_name = "NAME|PATH", conflicts_with = "to_card")]
     pub profile: Option<String>,
-    /// Packs the lines of G-code into two thirds of their bytes, if the printer says that it knows MeatPack.
+    /// Packs the lines of G-code into two thirds of their bytes, if the printer says that
+    /// it knows MeatPack.
     #[arg(long)]
     pub meatpack: bool,
 }
@@ -38,7 +41,8 @@ pub struct SendArguments {
 /// Arguments of `blackbox`.
 #[derive(clap::Args)]
 pub struct BlackBoxArguments {
-    /// The printer's serial port, tcp:HOST:PORT, or a file: a saved black box, or a terminal's log with the answer to M791.
+    /// The printer's serial port, tcp:HOST:PORT, or a file: a saved black box, or a terminal's log
+    /// with the answer to M791.
     #[arg(value_name = "PORT|FILE")]
     pub source: String,
     /// Saves the black box, to be read again by this command.
@@ -56,7 +60,8 @@ pub struct BlackBoxArguments {
     /// Writes the steps as a trace, which `simulate` reads; ticks count from the first of them.
     #[arg(long, value_name = "OUT")]
     pub trace: Option<PathBuf>,
-    /// Tells the place in the source where a panic or a fault ended the firmware: the ferrostep.elf that was flashed.
+    /// Tells the place in the source where a panic or a fault ended the firmware: the ferrostep.elf
+    /// that was flashed.
     #[arg(long, value_name = "ELF")]
     pub image: Option<PathBuf>,
 }

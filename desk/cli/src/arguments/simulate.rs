@@ -11,8 +11,9 @@ use super::job::{MacroArgument, PlateArgument};
 #[derive(clap::Args)]
 #[command(group = clap::ArgGroup::new("filtered").args(["compare", "input_shaper"]).multiple(true))]
 pub struct SimulateArguments {
-    /// A job, which is printed on the virtual board first (G-code, as text or binary, plain or gzip, or in a sliced 3MF, or a prepared job), or a trace
-    /// as `print --trace` writes it, of any firmware; - is standard input.
+    /// A job, which is printed on the virtual board first (G-code, as text or binary, plain or
+    /// gzip, or in a sliced 3MF, or a prepared job), or a trace as `print --trace` writes it, of
+    /// any firmware; - is standard input.
     pub file: PathBuf,
     /// The plate of a 3MF.
     #[command(flatten)]
@@ -23,8 +24,8 @@ pub struct SimulateArguments {
     /// The machine of the job: cartesian, corexy, prusa-mini, or the path of a TOML file.
     #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
     pub profile: String,
-    /// The G-code that a trace or a prepared job was made from: the path to measure against [default: of G-code its own, of a trace
-    /// or a prepared job the path that the steps draw].
+    /// The G-code that a trace or a prepared job was made from: the path to measure against
+    /// [default: of G-code its own, of a trace or a prepared job the path that the steps draw].
     #[arg(long, value_name = "FILE", conflicts_with = "path_of_steps")]
     pub path: Option<PathBuf>,
     /// Measures against the path that the steps draw, also for G-code.
@@ -36,12 +37,13 @@ pub struct SimulateArguments {
     /// Frequency of the frame in Y, 1 to 1000 Hz [default: 40].
     #[arg(long, value_name = "HZ")]
     pub frequency_y: Option<f64>,
-    /// Moves the frame, not the filters: its frequencies are by this share above (or, with a minus, below) those that the filters are
-    /// made for; -50 to 50 %.
+    /// Moves the frame, not the filters: its frequencies are by this share above (or, with a minus,
+    /// below) those that the filters are made for; -50 to 50 %.
     #[arg(long, value_name = "PERCENT", allow_negative_numbers = true)]
     pub detune: Option<f64>,
-    /// The input shaper of X and Y, in place of the profile's, and of the compared plan too; it is made for --shaper-frequency, else
-    /// for the profile's frequencies, else for the frame's. M593 and SET_INPUT_SHAPER in the job change it as on the board.
+    /// The input shaper of X and Y, in place of the profile's, and of the compared plan too; it is
+    /// made for --shaper-frequency, else for the profile's frequencies, else for the frame's. M593
+    /// and SET_INPUT_SHAPER in the job change it as on the board.
     #[arg(long, value_name = "NAME", value_parser = input_shaper)]
     pub input_shaper: Option<InputShaperKind>,
     /// Damping ratio of the frame, 0 to 0.95.
@@ -56,17 +58,21 @@ pub struct SimulateArguments {
     /// Another time constant, s, above a flow, mm^3/s: a nozzle with two slopes.
     #[arg(long, value_name = "SECONDS@FLOW")]
     pub nozzle_second_slope: Option<String>,
-    /// Plans the same job by another firmware's rules too, and measures that plan on the same frame and nozzle.
+    /// Plans the same job by another firmware's rules too, and measures that plan on the same
+    /// frame and nozzle.
     #[arg(long, value_name = "RULES", value_enum)]
     pub compare: Option<Rules>,
-    /// The compared plan's input shaper: none, zv, mzv, mzv(IMPULSES,PERIODS), zvd, zvdd, ei, 2hump_ei, 3hump_ei, or one of the last
-    /// three with _old [default: that of --input-shaper, else mzv].
+    /// The compared plan's input shaper: none, zv, mzv, mzv(IMPULSES,PERIODS), zvd, zvdd, ei,
+    /// 2hump_ei, 3hump_ei, or one of the last three with _old [default: that of
+    /// --input-shaper, else mzv].
     #[arg(long, value_name = "NAME", requires = "compare")]
     pub shaper: Option<ShaperKind>,
-    /// The frequencies that the shapers of --input-shaper and of the compared plan are made for, Hz [default: those of the frame].
+    /// The frequencies that the shapers of --input-shaper and of the compared plan are made for, Hz
+    /// [default: those of the frame].
     #[arg(long, value_name = "X,Y", value_parser = two_numbers, requires = "filtered")]
     pub shaper_frequency: Option<[f64; 2]>,
-    /// The damping ratio that they are made for [default: the profile's for --input-shaper, else 0.1].
+    /// The damping ratio that they are made for [default: the profile's for
+    /// --input-shaper, else 0.1].
     #[arg(long, value_name = "RATIO", requires = "filtered")]
     pub shaper_damping: Option<f64>,
     /// The compared plan's pressure advance, s [default: the nozzle's time constant].
@@ -84,7 +90,8 @@ pub struct SimulateArguments {
     /// Prints the result as one JSON object.
     #[arg(long)]
     pub json: bool,
-    /// Draws the path around the largest contour error, the error against time, and the ringing after the strongest stop.
+    /// Draws the path around the largest contour error, the error against time, and the ringing
+    /// after the strongest stop.
     #[arg(long, value_name = "OUT.svg")]
     pub plot: Option<PathBuf>,
 }

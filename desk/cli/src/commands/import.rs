@@ -77,7 +77,8 @@ impl Source {
         }
     }
 
-    /// An error with the source's name, where it does not name a file, which may be an included one.
+    /// An error with the source's name, where it does not name a file, which may be
+    /// an included one.
     fn named(&self, error: &ImportError) -> String {
         match error {
             ImportError::Identity(..) if matches!(self, Self::Marlin(_, _, None)) => {
@@ -117,8 +118,8 @@ pub struct Arguments<'a> {
 /// Makes a profile, writes it, and lists what was kept.
 ///
 /// # Errors
-/// The file is not a configuration or is that of a machine that profiles do not know, a printer does not answer, or
-/// the profile cannot be written.
+/// The file is not a configuration or is that of a machine that profiles do not know, a printer
+/// does not answer, or the profile cannot be written.
 pub fn run(arguments: &Arguments<'_>) -> Result<ExitCode, String> {
     let Arguments { ref source, out, json, .. } = *arguments;
     let imported = source.import(arguments.assume)?;
@@ -202,7 +203,8 @@ fn each(rows: &[&Row]) -> String {
     rows.iter().map(line).collect()
 }
 
-/// A line for each reason, with how many settings it is of and some of them; those of most settings last.
+/// A line for each reason, with how many settings it is of and some of them; those of
+/// most settings last.
 fn by_reason(rows: &[&Row]) -> String {
     let mut reasons: BTreeMap<&str, Vec<&Row>> = BTreeMap::new();
     for row in rows {

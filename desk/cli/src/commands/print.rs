@@ -62,7 +62,8 @@ pub fn run(
     }
     let mut recorder = Recorder::default();
     let mut protected = inputs(&arguments.file, machine::name_or_path(arguments.profile.as_deref()));
-    // The waveform must not replace the trace, so the trace's name is protected before the waveform is opened.
+    // The waveform must not replace the trace, so the trace's name is protected before the
+    // waveform is opened.
     let trace = trace.map(|path| Output::create(path, Accepted::FileOrStream, &protected)).transpose();
     let trace = trace.map_err(|error| error.to_string())?;
     if let Some(trace) = &trace {

@@ -24,7 +24,8 @@ use person::Person;
 /// Length of the bar of G-code.
 const SHARES: u64 = 1000;
 
-/// Sends a file: a prepared job as one (if the board refuses it, the fallback G-code instead), G-code line by line.
+/// Sends a file: a prepared job as one (if the board refuses it, the fallback G-code instead),
+/// G-code line by line.
 ///
 /// # Errors
 /// A file cannot be read, or the port not be opened.
@@ -132,8 +133,8 @@ impl Watch for PreparedWatch<'_> {
     }
 }
 
-/// Sends G-code to be printed, or to be written to the card under a name; packed if that is wanted and the printer knows it.
-/// Reports how it ended.
+/// Sends G-code to be printed, or to be written to the card under a name; packed if that is wanted
+/// and the printer knows it. Reports how it ended.
 fn send_gcode(
     line: &mut PrinterLine,
     input: Input,

@@ -57,8 +57,8 @@ pub fn budgets(
     })
 }
 
-/// Returns the change: the keys of `--set`, with the same values each, or the keys of `--acceleration` or
-/// `--error-budget`.
+/// Returns the change: the keys of `--set`, with the same values each, or the keys of
+/// `--acceleration` or `--error-budget`.
 fn keys(arguments: &SweepArguments) -> Result<Sweep, String> {
     let (with_error, rules) = (arguments.simulate, arguments.rules);
     if let Some(values) = &arguments.acceleration {

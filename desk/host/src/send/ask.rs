@@ -9,7 +9,8 @@ use super::packing::Packing;
 use super::port::{HALTED, Patience, Port};
 use super::watch::Watch;
 
-/// Start of the line by which a printer says that it is at work on something else, every two seconds.
+/// Start of the line by which a printer says that it is at work on something else,
+/// every two seconds.
 const BUSY: &str = "echo:busy:";
 
 /// Signs of other work after which the printer counts as busy.
@@ -75,7 +76,8 @@ impl Watch for BusyWatch {
     }
 }
 
-/// Asks a printer commands one after the other; returns the lines that it says to each, with the text after its `ok`.
+/// Asks a printer commands one after the other; returns the lines that it says to each, with the
+/// text after its `ok`.
 ///
 /// # Errors
 /// The printer does not answer, is busy or halted, or is gone.

@@ -13,7 +13,8 @@ use super::port::{Patience, Port};
 /// The line by which a board says, after M115, that its host may pack.
 const KNOWS_PACKING: &str = "Cap:MEATPACK:1";
 
-/// Asks the board whether it knows MeatPack, and switches it on if it does; `hear` hears what it says.
+/// Asks the board whether it knows MeatPack, and switches it on if it does; `hear`
+/// hears what it says.
 ///
 /// # Errors
 /// The board does not answer, or is gone.
@@ -22,7 +23,8 @@ pub fn begin_packing(
     patience: Patience,
     mut hear: impl FnMut(&str),
 ) -> Result<Packing, SendError> {
-    // An earlier host may have left it on. A board that does not know packing has these bytes in a line, and answers that.
+    // An earlier host may have left it on. A board that does not know packing has these bytes in a
+    // line, and answers that.
     port.send(&meatpack::END)?;
     meet(port, Packing::Plain, patience, &mut hear)?;
     port.send(b"M115\n")?;
@@ -66,8 +68,8 @@ mod tests {
 
     const NAMES: &str = "FIRMWARE_NAME:Other 1.0 (2020) MACHINE_TYPE:Mill";
 
-    /// Begins with a printer that answers the bytes that end packing, and M115; returns the outcome and the number of
-    /// its lines that were not heard.
+    /// Begins with a printer that answers the bytes that end packing, and M115; returns the outcome
+    /// and the number of its lines that were not heard.
     fn begin(to_end: &[&'static str], to_m115: &[&'static str]) -> (Result<Packing, SendError>, usize) {
         let lines = |lines: &[&str]| lines.iter().map(|&line| line.to_owned()).collect();
         let mut port = Scripted::new(|line: &str, _| match line {

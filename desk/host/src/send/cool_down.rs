@@ -4,10 +4,12 @@ use std::time::Duration;
 
 use super::port::{HALTED, Port};
 
-/// Longest time of the answers: a printer that is in order needs less than a second, a busy computer that serves a virtual one a few.
+/// Longest time of the answers: a printer that is in order needs less than a second, a busy
+/// computer that serves a virtual one a few.
 const ANSWERS: Duration = Duration::from_secs(10);
 
-/// The commands, and what they end. The first two act at once if the printer reads ahead of its queue.
+/// The commands, and what they end. The first two act at once if the printer reads
+/// ahead of its queue.
 const END: [(&str, &str); 4] =
     [("M108", "waits"), ("M410", "motion"), ("M104 S0", "the nozzle's heater"), ("M140 S0", "the bed's heater")];
 
@@ -42,7 +44,8 @@ impl CooledDown {
 /// Ends waits, motion and heat. Lines of the printer go to `hear`.
 pub fn cool_down(port: &mut impl Port, mut hear: impl FnMut(&str)) -> CooledDown {
     let end = port.now() + ANSWERS;
-    // The printer may still owe the answer to the line that was under way: M105's has a temperature, and is the last.
+    // The printer may still owe the answer to the line that was under way: M105's has a
+    // temperature, and is the last.
     let commands: String = END.iter().map(|(command, _)| format!("{command}\n")).collect();
     let sent = port.send(format!("{commands}M105\n").as_bytes());
     while let (true, Ok(Some(said))) = (sent.is_ok(), port.receive(end)) {

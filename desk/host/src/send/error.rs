@@ -10,12 +10,13 @@ pub enum SendError {
     Port(io::Error),
     /// The board does not answer; its last lines.
     Silent(Vec<String>),
-    /// The board answers but does not take the job: it does not know prepared jobs, is halted, or receives another one; its
-    /// last lines.
+    /// The board answers but does not take the job: it does not know prepared jobs, is halted, or
+    /// receives another one; its last lines.
     NotTaken(Vec<String>),
     /// The board halted while it received G-code; the line that says so.
     Halted(String),
-    /// [`Watch::wants_end`](super::Watch::wants_end) has asked for it; the transfer of the prepared job was aborted.
+    /// [`Watch::wants_end`](super::Watch::wants_end) has asked for it; the transfer of the prepared
+    /// job was aborted.
     Asked,
 }
 

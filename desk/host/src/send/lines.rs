@@ -15,11 +15,12 @@ use super::protocol::{is_report, is_transfer_error, numbered, resend, unknown};
 use super::watch::Watch;
 use crate::file_lines::command_of;
 
-/// Lines kept because the printer may ask for them again. One is under way at a time; a printer that was asked twice
-/// may lag by one.
+/// Lines kept because the printer may ask for them again. One is under way at a time; a printer
+/// that was asked twice may lag by one.
 const KEPT_LINES: usize = 16;
 
-/// Maximum number of times that a line is sent. One that never arrives whole would be asked for without end.
+/// Maximum number of times that a line is sent. One that never arrives whole would be asked
+/// for without end.
 const MOST_TIMES: u32 = 100;
 
 /// Maximum number of lines kept of a printer's answer to one line.
@@ -44,7 +45,8 @@ pub enum Stop {
     NotForCard(String),
     /// The next line of the file is damaged; how.
     Damaged(String),
-    /// The printer's count of lines differs from the host's: the line that it asks for, and the one that it was sent.
+    /// The printer's count of lines differs from the host's: the line that it asks for, and the one
+    /// that it was sent.
     OtherCount(u32, u32),
     /// The printer asks for the same line again and again; its number in the conversation.
     NeverArrives(u32),
@@ -110,8 +112,8 @@ pub struct Frame<'a> {
 const WRITING: &str = "Writing to file";
 const WRITTEN: &str = "Done saving file";
 
-/// The last line of a print, and the text by which the printer answers it. It has a number like the others: a printer that has not
-/// executed a line asks for that instead, whatever it has answered.
+/// The last line of a print, and the text by which the printer answers it. It has a number like the
+/// others: a printer that has not executed a line asks for that instead, whatever it has answered.
 const LAST_LINE: &str = "M118 ferrostep: this was the last line";
 const LAST: &[&str] = &[LAST_LINE];
 /// Maximum number of times that the printer is asked for that text.
@@ -193,7 +195,8 @@ struct Command {
 }
 
 impl Command {
-    /// Returns true if it must not be in an upload: it acts as its bytes arrive, or ends the upload.
+    /// Returns true if it must not be in an upload: it acts as its bytes arrive, or
+    /// ends the upload.
     fn acts_in_upload(&self) -> bool {
         use ferrostep_gcode::{CardCommand, Command as Parsed, parse};
         self.expects.is_none()
@@ -228,22 +231,23 @@ struct Sending<'a, P, W> {
     times: u32,
     /// The printer repeats the text of M118.
     repeats_text: bool,
-    /// Maximum number of lines by which the printer lags behind its answers. A line that was sent again because the
-    /// printer was silent may have had two answers, and so may a damaged line that was cut in two; the later answer
-    /// was taken for that to the next line. A line that the printer calls unknown, with a text that was not sent, was
-    /// damaged and answered.
+    /// Maximum number of lines by which the printer lags behind its answers. A line that was sent
+    /// again because the printer was silent may have had two answers, and so may a damaged line
+    /// that was cut in two; the later answer was taken for that to the next line. A line that the
+    /// printer calls unknown, with a text that was not sent, was damaged and answered.
     may_lack: u32,
-    /// Answers that may still come to lines sent before: one for each line that was sent again because the printer
-    /// was silent, as it may only have been slow.
+    /// Answers that may still come to lines sent before: one for each line that was sent again
+    /// because the printer was silent, as it may only have been slow.
     owed: u32,
 }
 
 impl<P: Port, W: Watch> Sending<'_, P, W> {
-    /// Sends a command with its number, and waits for the printer's answer, with the line that it `expects`.
+    /// Sends a command with its number, and waits for the printer's answer, with the line
+    /// that it `expects`.
     fn ask(&mut self, number: u32, command: &str, expects: Option<&str>) -> Result<Answer, SendError> {
         let line = &numbered(number, command);
-        // An `ok` to the last line without its text is that to an earlier one. Where the printer repeats no texts, a silence shows that
-        // none is owed.
+        // An `ok` to the last line without its text is that to an earlier one. Where the printer
+        // repeats no texts, a silence shows that none is owed.
         let waits_for_text = expects == Some(LAST_LINE_SAID) && self.repeats_text;
         let mut may_be_earlier = expects == Some(LAST_LINE_SAID);
         self.port.send(&self.packing.bytes(line))?;
@@ -273,7 +277,8 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
                         self.owed = 0;
                         return Ok(Answer::Ok);
                     }
-                    // The line, or its answer, was lost. A printer that has executed it only answers.
+                    // The line, or its answer, was lost. A printer that has executed
+                    // it only answers.
                     asked_at = now;
                     self.owed = if may_be_earlier { 0 } else { self.owed.saturating_add(1) };
                     may_be_earlier = false;
@@ -322,7 +327,8 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
         expects.is_none_or(|expects| self.said.iter().any(|said| said.starts_with(expects)))
     }
 
-    /// Returns the reason if a line of the printer ends the job. Notes whether the job is to be held.
+    /// Returns the reason if a line of the printer ends the job. Notes whether the
+    /// job is to be held.
     fn stop_of(&mut self, said: &str) -> Result<Option<Stop>, SendError> {
         if said.starts_with(HALTED) {
             return Err(SendError::Halted(said.to_owned()));
@@ -342,8 +348,9 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
         Ok((is_error && !is_transfer_error(said)).then(|| Stop::Error(said.to_owned())))
     }
 
-    /// The line to send after the printer has asked for one: that under way, one that it may have missed, or the next where it has had
-    /// both copies of the present one. Any other means that the printer counts from another number.
+    /// The line to send after the printer has asked for one: that under way, one that it may have
+    /// missed, or the next where it has had both copies of the present one. Any other means that
+    /// the printer counts from another number.
     fn line_asked_for(&mut self, asked: u32) -> Result<u32, Stop> {
         let other_count = Err(Stop::OtherCount(asked, self.line));
         match self.line.checked_sub(asked) {
@@ -386,8 +393,9 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
     }
 }
 
-/// Sends G-code with numbers and checksums, with a frame around it, and repeats lines that the printer asks for. `next` returns
-/// the bytes of the file's next line. Packing is switched off at the end in any case.
+/// Sends G-code with numbers and checksums, with a frame around it, and repeats lines that the
+/// printer asks for. `next` returns the bytes of the file's next line. Packing is switched off at
+/// the end in any case.
 ///
 /// # Errors
 /// The file cannot be read; the printer does not answer, has halted, or is gone.

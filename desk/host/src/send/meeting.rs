@@ -21,9 +21,10 @@ pub(super) enum Met {
     EndWanted,
 }
 
-/// Sets the printer's line number and hears all answers that it still owes: to what an earlier host has sent, to the half line that it
-/// may have left, and to the lines sent here. An `ok` does not say what it answers, so M118 makes the printer repeat a text that no
-/// other host sends; the `ok` after it is the last.
+/// Sets the printer's line number and hears all answers that it still owes: to what an earlier host
+/// has sent, to the half line that it may have left, and to the lines sent here. An `ok` does not
+/// say what it answers, so M118 makes the printer repeat a text that no other host sends; the `ok`
+/// after it is the last.
 ///
 /// The watch hears each line that is not part of this. A printer that answers without
 /// the text, because it does not have M118, counts as met after a while without an `ok`.
@@ -69,7 +70,8 @@ pub(super) fn meet(
             };
             heard_at = port.now();
             let is_ok = said.starts_with("ok");
-            // Temperatures may come on and on without a line; before the first answer they belong to a wait for heat.
+            // Temperatures may come on and on without a line; before the first answer they belong
+            // to a wait for heat.
             if is_ok || !has_answered || said.starts_with("echo:busy:") {
                 at_work = heard_at;
             }

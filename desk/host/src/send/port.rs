@@ -20,7 +20,8 @@ pub trait Port {
     /// The board is gone.
     fn receive(&mut self, until: Instant) -> io::Result<Option<String>>;
 
-    /// The time that [`Patience`] is measured in: this computer's clock, except for a board in virtual time.
+    /// The time that [`Patience`] is measured in: this computer's clock, except for a board
+    /// in virtual time.
     fn now(&mut self) -> Instant {
         Instant::now()
     }

@@ -10,7 +10,8 @@ pub(super) fn numbered(number: u32, text: &str) -> String {
     format!("{line}*{sum}\n")
 }
 
-/// Returns true if a line reports a transfer error, after which the printer asks for the line again.
+/// Returns true if a line reports a transfer error, after which the printer asks
+/// for the line again.
 #[must_use]
 pub fn is_transfer_error(said: &str) -> bool {
     let lower = said.to_ascii_lowercase();
@@ -29,8 +30,8 @@ pub(super) fn resend(said: &str) -> Option<u32> {
     rest.trim().trim_start_matches(['N', ':', ' ']).parse().ok()
 }
 
-/// Returns true if a line is an automatic temperature report (M155), which says nothing about the line under way. The
-/// reports of a wait for heat also have the remaining time, `W:`.
+/// Returns true if a line is an automatic temperature report (M155), which says nothing about the
+/// line under way. The reports of a wait for heat also have the remaining time, `W:`.
 pub(super) fn is_report(said: &str) -> bool {
     said.trim_start().starts_with("T:") && !said.contains(" W:")
 }

@@ -12,8 +12,8 @@ pub(super) fn echo(line: &str) -> Option<Vec<String>> {
     Some(vec![text.to_owned(), "ok".to_owned()])
 }
 
-/// A printer that answers by a function of the line and how often it was sent before; its clock runs while its host
-/// waits.
+/// A printer that answers by a function of the line and how often it was sent before; its clock
+/// runs while its host waits.
 pub(super) struct Scripted<F> {
     answer: F,
     said: VecDeque<String>,

@@ -117,7 +117,8 @@ impl<'a> Reading<'a> {
         self.draft.put(&homing("fast_mm_per_s"), fast);
         let slow = self.keep_number(section, "second_homing_speed", &[&homing("slow_mm_per_s")], |speed| speed);
         let back = self.number(section, "homing_retract_dist");
-        // Klipper homes once, at the full speed, without a way back: a stall is then never sensed at half of it.
+        // Klipper homes once, at the full speed, without a way back: a stall is then never
+        // sensed at half of it.
         let once = is_stall && back == Some(0.0);
         if slow.is_none() {
             self.draft.put(&homing("slow_mm_per_s"), if once { fast } else { fast / 2.0 });

@@ -9,7 +9,8 @@ use crate::imported::Row;
 
 const SECTION: &str = "bed_mesh";
 
-/// Travel of the bed for one turn of Klipper's threads, mm; `CW` before the name: clockwise lifts it.
+/// Travel of the bed for one turn of Klipper's threads, mm; `CW` before the name:
+/// clockwise lifts it.
 const PITCHES_MM: [(&str, f64); 4] = [("M3", 0.5), ("M4", 0.7), ("M5", 0.8), ("M6", 1.0)];
 const USUAL_THREAD: &str = "CW-M3";
 

@@ -39,7 +39,8 @@ impl Reading<'_> {
         self.keep_number("idle_timeout", "timeout", &["heater_timeout_s"], same);
     }
 
-    /// The limits that Klipper gives an extruder by itself: those of the head, as filament that a line of the nozzle's width would take.
+    /// The limits that Klipper gives an extruder by itself: those of the head, as filament that a
+    /// line of the nozzle's width would take.
     fn own_limits(&mut self, accelerations: [&str; 2]) {
         self.draft.put("instantaneous_corner_velocity_mm_per_s.e", 1.0);
         let (nozzle, filament) =
@@ -145,7 +146,8 @@ impl Reading<'_> {
         }
     }
 
-    /// A chamber that is heated, or whose temperature alone is known. Klipper calls neither a chamber; people do.
+    /// A chamber that is heated, or whose temperature alone is known. Klipper calls neither a
+    /// chamber; people do.
     pub(super) fn chamber(&mut self) {
         let is_chamber = |name: &str| name.to_ascii_lowercase().contains("chamber");
         let find = |kind: &str| {
@@ -199,8 +201,8 @@ impl Reading<'_> {
     }
 }
 
-/// A thermistor by three points. Where no curve of Steinhart and Hart's with a third power goes through them, Klipper takes beta through
-/// the first and the third.
+/// A thermistor by three points. Where no curve of Steinhart and Hart's with a third power goes
+/// through them, Klipper takes beta through the first and the third.
 fn three_points(three: [(f64, f64); 3]) -> Value {
     let [first, second, third] = three.map(|(celsius, ohm)| (1.0 / (celsius + KELVIN), ohm.ln()));
     let slope = |other: (f64, f64)| (first.0 - other.0) / (first.1 - other.1);

@@ -1,9 +1,11 @@
-//! Checks that a Klipper file says what the machine is, so that no other machine's value is used instead.
+//! Checks that a Klipper file says what the machine is, so that no other machine's value
+//! is used instead.
 
 use super::Reading;
 
 impl Reading<'_> {
-    /// Notes each part of what the machine is that no setting says. To be called when all of it has been read.
+    /// Notes each part of what the machine is that no setting says. To be called when all of
+    /// it has been read.
     pub(super) fn identity(&mut self) {
         for (file, line, name, why) in &self.config.missing {
             self.draft.unread(format!("{file}:{line}: [include {name}] was not read: {why}"));

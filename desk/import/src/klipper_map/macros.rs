@@ -10,7 +10,8 @@ const MAX_BYTES: usize = 3500;
 const KIND: &str = "gcode_macro ";
 
 impl Reading<'_> {
-    /// The macros whose lines are plain G-code, with parameters that have a default or none. Of others the reason says what they call.
+    /// The macros whose lines are plain G-code, with parameters that have a default or none. Of
+    /// others the reason says what they call.
     pub(super) fn macros(&mut self) {
         let mut bytes = 0;
         let names: Vec<&str> = self.config.sections.iter().map(|section| section.name.as_str()).collect();
@@ -52,7 +53,8 @@ fn is_name(name: &str) -> bool {
         && bytes.all(|byte| is_letter(byte) || byte.is_ascii_digit())
 }
 
-/// The lines as a profile's macro has them; `None` if one is a program's, or no command that is known.
+/// The lines as a profile's macro has them; `None` if one is a program's, or no
+/// command that is known.
 fn plain_lines(text: &str) -> Option<String> {
     let mut lines = String::from("\n");
     for line in
@@ -69,7 +71,8 @@ fn plain_lines(text: &str) -> Option<String> {
     (lines.len() > 1).then_some(lines)
 }
 
-/// A line with `{params.BED|default(60)|int}` as `{BED=60}`, and the same with the defaults for a trial.
+/// A line with `{params.BED|default(60)|int}` as `{BED=60}`, and the same with the
+/// defaults for a trial.
 fn with_parameters(line: &str) -> Option<(String, String)> {
     let (mut out, mut trial, mut rest) = (String::new(), String::new(), line);
     while let Some((before, after)) = rest.split_once('{') {

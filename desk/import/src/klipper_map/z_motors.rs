@@ -36,8 +36,8 @@ impl Reading<'_> {
 
     fn alignment(&mut self, names: &[&str]) {
         let (section, key, places) = if self.section(GANTRY).is_some() {
-            // Clockwise from the front left one, as Klipper numbers them: front left, back left, back right, front
-            // right.
+            // Clockwise from the front left one, as Klipper numbers them: front left, back left,
+            // back right, front right.
             let corners = self.places(GANTRY, "gantry_corners");
             let [[left, front], [right, back]] = *corners.as_slice() else { return };
             (GANTRY, "gantry_corners", vec![[left, front], [left, back], [right, back], [right, front]])

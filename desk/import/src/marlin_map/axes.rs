@@ -81,7 +81,8 @@ impl Reading<'_> {
         }
     }
 
-    /// The travel goes as far as the end stop is: an end stop beyond it would be at another machine's place.
+    /// The travel goes as far as the end stop is: an end stop beyond it would be at another
+    /// machine's place.
     fn reach_end_stop(&mut self, axis: &str, name: &str) {
         let number = |draft: &Draft, path: String| draft.number(&path);
         let Some(place) =

@@ -3,8 +3,8 @@
 use super::Reading;
 
 impl Reading<'_> {
-    /// The play, and how it is taken up. Marlin corrects 0 % of it by default and, without a smoothing distance,
-    /// corrects in one move.
+    /// The play, and how it is taken up. Marlin corrects 0 % of it by default and, without a
+    /// smoothing distance, corrects in one move.
     pub(super) fn backlash(&mut self) {
         if self.get("BACKLASH_COMPENSATION").is_none() {
             return;

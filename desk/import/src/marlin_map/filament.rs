@@ -3,8 +3,8 @@
 use super::Reading;
 
 impl Reading<'_> {
-    /// The sensor that sees filament move, or the switch that reports its presence; the switch's state is the one
-    /// without filament.
+    /// The sensor that sees filament move, or the switch that reports its presence; the switch's
+    /// state is the one without filament.
     pub(super) fn filament_sensor(&mut self) {
         let is_on = self.flag("FIL_RUNOUT_ENABLED_DEFAULT").unwrap_or(true);
         if self.get("FILAMENT_RUNOUT_SENSOR").is_none() || !is_on {

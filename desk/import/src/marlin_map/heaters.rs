@@ -4,7 +4,8 @@ use super::sensor::{NO_SENSOR, is_dummy};
 use super::{NO_NUMBER, Reading};
 use crate::sensor::CONNECTOR_TAKEN;
 
-/// Marlin's defaults for the difference between highest temperature and highest target, degrees Celsius.
+/// Marlin's defaults for the difference between highest temperature and highest target,
+/// degrees Celsius.
 const HOTEND_OVERSHOOT: f64 = 15.0;
 const BED_OVERSHOOT: f64 = 10.0;
 

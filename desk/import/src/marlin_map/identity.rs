@@ -54,7 +54,8 @@ impl Reading<'_> {
         }
     }
 
-    /// Notes values that a file gives, or leaves to Marlin's default, and that a running Marlin does not report.
+    /// Notes values that a file gives, or leaves to Marlin's default, and that a running Marlin
+    /// does not report.
     fn untold(&mut self, running: Running) {
         self.draft.gap("kinematics", None, &not_told("COREXY or COREXZ"));
         self.draft.gap("driver.inverted", None, &not_told("INVERT_X_DIR and so on"));

@@ -97,7 +97,8 @@ impl Reading<'_> {
         }
     }
 
-    /// The level at which a probe triggers. Marlin takes that of a BLTouch as it is, whatever the file says.
+    /// The level at which a probe triggers. Marlin takes that of a BLTouch as it is,
+    /// whatever the file says.
     fn probe_level(&mut self, name: &str) {
         const PATH: &str = "homing.z.triggers_low";
         let names = ["Z_MIN_PROBE_ENDSTOP_HIT_STATE", "Z_MIN_PROBE_ENDSTOP_INVERTING"];

@@ -14,8 +14,8 @@ pub(super) fn is_dummy(number: f64) -> bool {
 }
 
 impl Reading<'_> {
-    /// A sensor by Marlin's number, with its pull-up resistor where that is another than the usual one; `own` begins the names of
-    /// definitions of one's own sensor.
+    /// A sensor by Marlin's number, with its pull-up resistor where that is another than the usual
+    /// one; `own` begins the names of definitions of one's own sensor.
     pub(super) fn sensor_of(&mut self, number: f64, own: &str, heater: &str) -> Option<Value> {
         if number == 1000.0 {
             return self.own_sensor(own, heater);
@@ -61,8 +61,8 @@ fn sensor(number: i64) -> Option<Value> {
         5 => "semitec-104gt-2".into(),
         // Within 1.3 degrees of their tables.
         11 | 60 => beta_table(100_000.0, 3950.0),
-        // Three lines of each table, with which its others agree to 1 degree: beta of the data sheet reads up to 29
-        // degrees too much at 230.
+        // Three lines of each table, with which its others agree to 1 degree: beta of the data
+        // sheet reads up to 29 degrees too much at 230.
         2 => points([(40.0, 97_700.0), (190.0, 975.5), (240.0, 366.1)]),
         13 => points([(40.0, 52_263.0), (140.0, 2107.0), (250.0, 204.8)]),
         14 => points([(55.0, 26_756.0), (85.0, 8449.7), (125.0, 2195.1)]),
@@ -71,9 +71,11 @@ fn sensor(number: i64) -> Option<Value> {
         67 => points([(110.0, 28_491.0), (190.0, 4502.3), (310.0, 665.4)]),
         75 => points([(50.0, 36_424.8), (120.0, 3768.0), (140.0, 2218.1)]),
         99 => points([(20.0, 125_374.0), (90.0, 8648.8), (140.0, 2101.1)]),
-        // Honeywell's data sheet of 135-104LAG-J01: 100 kilohms, 3974 K. Within 1.3 degrees of Marlin's table up to 220, and 3.4 at 299.
+        // Honeywell's data sheet of 135-104LAG-J01: 100 kilohms, 3974 K. Within 1.3 degrees of
+        // Marlin's table up to 220, and 3.4 at 299.
         7 => beta_table(100_000.0, 3974.0),
-        // PT1000 with a pull-up resistor of 4.7 kilohms, as a profile has it; 1010 is that with 1 kilohm.
+        // PT1000 with a pull-up resistor of 4.7 kilohms, as a profile has it; 1010 is
+        // that with 1 kilohm.
         1047 => "pt1000".into(),
         _ => return None,
     })

@@ -3,7 +3,8 @@
 use super::Reading;
 
 impl Reading<'_> {
-    /// The supply that a board switches. It is on at the start unless a definition says otherwise, and low is on: Marlin's own values.
+    /// The supply that a board switches. It is on at the start unless a definition says otherwise,
+    /// and low is on: Marlin's own values.
     pub(super) fn power_supply(&mut self) {
         if self.get("PSU_CONTROL").is_none() {
             return;
@@ -15,8 +16,8 @@ impl Reading<'_> {
         self.keep("PSU_DEFAULT_OFF", "power_supply.on_at_start", false, "");
     }
 
-    /// The signal of a module that reports a failing supply. Marlin's boards have a pin for one with or without a
-    /// module, so that only a configuration with a setting for it has one.
+    /// The signal of a module that reports a failing supply. Marlin's boards have a pin for one
+    /// with or without a module, so that only a configuration with a setting for it has one.
     pub(super) fn supply_signal(&mut self) {
         let has_pin = self.get("POWER_LOSS_PIN").is_some_and(|definition| definition.value != "-1");
         if self.get("POWER_LOSS_RECOVERY").is_none() || !has_pin && self.get("POWER_LOSS_STATE").is_none() {

@@ -1,6 +1,7 @@
 //! Reasons for which a profile has no place for a command of a report.
 
-/// Returns the reason for which a profile has no place for a command of a report; `None` for a definition.
+/// Returns the reason for which a profile has no place for a command of a report; `None`
+/// for a definition.
 pub(crate) fn reason(name: &str) -> Option<&'static str> {
     let (code, _) = name.split_once(' ').filter(|(code, _)| code.starts_with(['M', 'G']))?;
     Some(match code {

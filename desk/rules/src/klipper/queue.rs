@@ -74,7 +74,8 @@ impl Candidate {
             let ratio = length_mm / z.abs();
             candidate.lower(Axis::Z, settings.max_z_velocity_mm_per_s * ratio, settings.max_z_accel_mm_per_s2 * ratio);
         }
-        // What retracts, and what moves filament without X and Y, keeps to the extruder's own limits.
+        // What retracts, and what moves filament without X and Y, keeps to the
+        // extruder's own limits.
         if e != 0.0 && ((x == 0.0 && y == 0.0) || e < 0.0) {
             let ratio = 1.0 / candidate.shares[3].abs();
             let (speed, acceleration) =
@@ -104,7 +105,8 @@ impl Candidate {
         self.slow_gain = self.slow_gain.min(self.gain);
     }
 
-    /// Sets how fast it may begin after another, by the corner, by both moves, and by how fast the other one can become.
+    /// Sets how fast it may begin after another, by the corner, by both moves, and by how fast the
+    /// other one can become.
     fn join(&mut self, before: &Self, filament_jump_mm_per_s: f64) {
         if !self.has_path || !before.has_path {
             return;
@@ -180,8 +182,9 @@ impl Queue {
         is_later
     }
 
-    /// Looks ahead, as if motion ended after the last move, and releases the moves: all of them, or those that are planned
-    /// whatever follows. These end before the last but one peak of the second look-ahead.
+    /// Looks ahead, as if motion ended after the last move, and releases the moves: all of them, or
+    /// those that are planned whatever follows. These end before the last but one peak of the
+    /// second look-ahead.
     pub fn release(&mut self, lazily: bool, released: &mut Vec<PlannedMove>) {
         let mut count = self.moves.len();
         let mut is_looking = lazily;

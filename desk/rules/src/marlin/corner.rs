@@ -134,10 +134,11 @@ fn along(acceleration: f64, direction: [f64; 4], settings: &MarlinSettings) -> f
     axes.fold(acceleration, |least, (part, max)| if least * part.abs() > max { max / part.abs() } else { least })
 }
 
-/// The angle between two chords, from its cosine (0.707 to 1), with the error that Marlin's has: it is never below 0.033, which
-/// bounds the speed on fine arcs.
+/// The angle between two chords, from its cosine (0.707 to 1), with the error that Marlin's has: it
+/// is never below 0.033, which bounds the speed on fine arcs.
 ///
-/// Marlin takes W. Randolph Franklin's polynomial for the arcsine (wrfranklin.org, *Elementary functions*): its coefficients.
+/// Marlin takes W. Randolph Franklin's polynomial for the arcsine (wrfranklin.org, *Elementary
+/// functions*): its coefficients.
 fn turn_angle(cosine: f64) -> f64 {
     const ARCSINE: [f64; 7] =
         [0.032_843_707, -1.451_838_349, 29.661_539_56, -131.112_347_7, 262.813_056_2, -242.719_962_7, 84.314_662_02];
@@ -163,8 +164,8 @@ fn by_safe_speed(segment: &Segment, before: &Before, jerk: &[f64; 4], safe: f64)
     let nominal = segment.nominal.min(before.nominal);
     let exit_scale = nominal / before.nominal;
     let (mut factor, mut limit) = (1.0, None);
-    // A speed is lowered axis by axis: what one axis takes counts for the next. The entering speed is the move's own, which
-    // may be above the corner's.
+    // A speed is lowered axis by axis: what one axis takes counts for the next. The entering speed
+    // is the move's own, which may be above the corner's.
     for (axis, jerk) in Axis::ALL.into_iter().zip(jerk) {
         let exit = before.speeds[axis as usize] * exit_scale * factor;
         let entry = segment.shares[axis as usize] * segment.nominal * factor;

@@ -25,8 +25,8 @@ pub enum Corner {
 /// A version of classic jerk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JerkRule {
-    /// Marlin 1.1 to 2.1.2, Prusa's firmwares, PrusaSlicer: an axis that reverses counts with its larger speed, and a corner
-    /// that stopping at once would pass faster is passed like that.
+    /// Marlin 1.1 to 2.1.2, Prusa's firmwares, PrusaSlicer: an axis that reverses counts with its
+    /// larger speed, and a corner that stopping at once would pass faster is passed like that.
     SafeSpeed,
     /// Marlin's bugfix branch of 2026: the difference of the speeds, whichever way.
     Difference,
@@ -37,7 +37,8 @@ pub enum JerkRule {
 pub enum SlowestSpeed {
     /// `MINIMUM_PLANNER_SPEED` of Marlin up to 2.1.2, mm/s.
     Fixed(f64),
-    /// That of a first step from rest, as in the bugfix branch of 2026; 0 where the steps are unknown.
+    /// That of a first step from rest, as in the bugfix branch of 2026; 0 where the
+    /// steps are unknown.
     FirstStep,
 }
 
@@ -64,7 +65,8 @@ pub struct MarlinSettings {
     pub slowest: SlowestSpeed,
     /// M92, where it is known.
     pub steps_per_mm: Option<[f64; 4]>,
-    /// `MIN_STEPS_PER_SEGMENT`: a move of fewer steps joins the next one. Of effect where the steps are known.
+    /// `MIN_STEPS_PER_SEGMENT`: a move of fewer steps joins the next one. Of effect where the
+    /// steps are known.
     pub min_steps_per_segment: u16,
     /// `BLOCK_BUFFER_SIZE`.
     pub block_buffer_size: usize,
@@ -92,8 +94,8 @@ impl MarlinSettings {
         }
     }
 
-    /// Blocks that a move is planned with, itself included: one of the ring is always empty, and the place of the one that has
-    /// just ended is not filled yet.
+    /// Blocks that a move is planned with, itself included: one of the ring is always empty, and
+    /// the place of the one that has just ended is not filled yet.
     pub(super) fn planned_blocks(&self) -> usize {
         self.block_buffer_size.saturating_sub(2).max(1)
     }
@@ -142,7 +144,8 @@ impl MarlinSettings {
         }
     }
 
-    /// Takes a command: M201, M203, M204 P R T (S for P and T), M205 S T, and X Y Z E with classic jerk, J with junction deviation.
+    /// Takes a command: M201, M203, M204 P R T (S for P and T), M205 S T, and X Y Z E with classic
+    /// jerk, J with junction deviation.
     pub fn change(&mut self, change: &Change<'_>) -> Effect {
         match change {
             Change::M201(words) => set_axes(words, &mut self.max_acceleration_mm_per_s2, 1.0),

@@ -82,7 +82,8 @@ impl RrfSettings {
         Ok(())
     }
 
-    /// Takes a command: M201 (mm/s^2), M203 (mm/min, mm/s with S1), M204 P T S, M205 (mm/s), M566 (mm/min) with P.
+    /// Takes a command: M201 (mm/s^2), M203 (mm/min, mm/s with S1), M204 P T S, M205 (mm/s), M566
+    /// (mm/min) with P.
     pub fn change(&mut self, change: &Change<'_>) -> Effect {
         match change {
             Change::M201(words) => at_least(LEAST_ACCELERATION, &mut self.max_acceleration_mm_per_s2, |values| {

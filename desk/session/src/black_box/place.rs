@@ -8,7 +8,8 @@ use ferrostep_black_box::Identity;
 /// Text before an address in the last words.
 const AT: &str = " at 0x";
 
-/// Folders of others' sources, as an image names them: the core library, and what cargo has fetched.
+/// Folders of others' sources, as an image names them: the core library, and what
+/// cargo has fetched.
 const OF_OTHERS: [&str; 2] = ["/rust/", "/crates/"];
 
 /// The image that a board ran, with its debug information.
@@ -33,7 +34,8 @@ impl Image {
         Ok(Self(loader))
     }
 
-    /// The places of the address in last words, the innermost first: files with their lines, of our own sources where there are any.
+    /// The places of the address in last words, the innermost first: files with their lines, of our
+    /// own sources where there are any.
     pub fn place(&self, last_words: &str) -> Option<String> {
         let (_, address) = last_words.split_once(AT)?;
         let digits = address.find(|char: char| !char.is_ascii_hexdigit()).unwrap_or(address.len());

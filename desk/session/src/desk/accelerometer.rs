@@ -1,4 +1,5 @@
-//! An accelerometer on the desk: the frame's model, shaken by the motors' steps, and the chip that samples it.
+//! An accelerometer on the desk: the frame's model, shaken by the motors' steps, and the chip
+//! that samples it.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -20,7 +21,8 @@ const GRAVITY_MM_PER_S2: f64 = 9806.65;
 const RANGE_MICRO_G: i32 = 16_000_000;
 const WAITING_SAMPLES: usize = 32;
 
-/// Its noise at any rate, as the standard deviation: about one and a half units of the finest resolution, 3.9 mg.
+/// Its noise at any rate, as the standard deviation: about one and a half units of the finest
+/// resolution, 3.9 mg.
 const NOISE_MICRO_G: f64 = 6_000.0;
 
 /// A record under way.
@@ -43,7 +45,8 @@ struct State {
     command: [Motion; 2],
     frame: [Mode; 2],
     tick: u64,
-    /// Lead of the board's time over the motion clock, which stops between motions; ticks, modulo 2^64.
+    /// Lead of the board's time over the motion clock, which stops between motions;
+    /// ticks, modulo 2^64.
     ahead_ticks: u64,
     settings: AccelerometerSettings,
     record: Option<Record>,

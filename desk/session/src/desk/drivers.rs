@@ -1,4 +1,5 @@
-//! The desk's motor drivers: model chips, and the firmware's own code that sets them up and watches them.
+//! The desk's motor drivers: model chips, and the firmware's own code that sets them up
+//! and watches them.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -9,7 +10,8 @@ use ferrostep_tmc2209::{
 };
 use ferrostep_virtual_board::{StallSignal, VIRTUAL_WIRING, VirtualDriverLines};
 
-/// Ticks of the drivers' clock, and the speed of their line: a hardware one, as on the Prusa MINI's board.
+/// Ticks of the drivers' clock, and the speed of their line: a hardware one, as on the
+/// Prusa MINI's board.
 const TICKS_PER_SECOND: u32 = 1_000_000;
 const BAUD: u32 = 115_200;
 const NS_A_TICK: u64 = 1_000_000_000 / TICKS_PER_SECOND as u64;
@@ -40,9 +42,9 @@ impl Drivers {
 pub struct DeskDrivers(Option<RefCell<Drivers>>);
 
 impl DeskDrivers {
-    /// Drivers with these settings on the virtual board, just switched on; `watched`: they are also watched while
-    /// they are in service. An estimate does not watch them: its model chips never fail, and its cost must not grow
-    /// with the print's time.
+    /// Drivers with these settings on the virtual board, just switched on; `watched`: they are also
+    /// watched while they are in service. An estimate does not watch them: its model chips never
+    /// fail, and its cost must not grow with the print's time.
     #[must_use]
     pub fn new(settings: &[Option<DriverSettings>; MOTORS], watched: bool) -> Self {
         if settings.iter().all(Option::is_none) {

@@ -1,7 +1,7 @@
 //! An encoder in the filament's path, of a machine in virtual time.
 
-/// Filament between two changes of the signal's level, as a share of the detection length that the user sets: 2.88 of
-/// 3 mm (BIGTREETECH, smart filament sensor 2.0).
+/// Filament between two changes of the signal's level, as a share of the detection length that the
+/// user sets: 2.88 of 3 mm (BIGTREETECH, smart filament sensor 2.0).
 const EDGE_OF_DETECTION: f64 = 0.96;
 
 /// The encoder, and the filament in it.
@@ -28,7 +28,8 @@ impl Encoder {
         self.extruder = extruder;
     }
 
-    /// Returns the level of its signal. `detection_mm` is the extrusion without a change that counts as a standstill.
+    /// Returns the level of its signal. `detection_mm` is the extrusion without a change that
+    /// counts as a standstill.
     pub fn level(&self, steps_per_mm: f64, detection_mm: f64) -> bool {
         let edges = self.filament as f64 / (steps_per_mm * detection_mm * EDGE_OF_DETECTION);
         edges.floor() as i64 & 1 != 0

@@ -17,7 +17,8 @@ pub struct DeskHeat {
     control: HeatControl,
     heaters: VirtualHeaters,
     at_rest: HeatAtRest,
-    /// True to step heaters at rest as well; false for estimates, whose cost must not grow with the print's time.
+    /// True to step heaters at rest as well; false for estimates, whose cost must not grow with
+    /// the print's time.
     steps_at_rest: bool,
     samples: u64,
     next_ns: u64,
@@ -43,7 +44,8 @@ impl DeskHeat {
         &self.heaters
     }
 
-    /// Samples of the models so far. Only they can make an estimate's cost grow with the print's time.
+    /// Samples of the models so far. Only they can make an estimate's cost grow with
+    /// the print's time.
     pub fn samples(&self) -> u64 {
         self.samples
     }

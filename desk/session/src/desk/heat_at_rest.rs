@@ -2,14 +2,16 @@
 
 use ferrostep_hal_shim::Heater;
 
-/// Samples over which the temperatures must have stayed: 10 s, as a loop whose integral works slowly creeps.
+/// Samples over which the temperatures must have stayed: 10 s, as a loop whose integral
+/// works slowly creeps.
 const REST_SAMPLES: u32 = 1000;
 
-/// The most by which a heater that is off may cool within them, degrees: a nozzle half a degree above the air cools so.
+/// The most by which a heater that is off may cool within them, degrees: a nozzle half a degree
+/// above the air cools so.
 const OFF_BAND_CELSIUS: f32 = 0.05;
 
-/// The most by which a heater with a target may change within them, degrees: it creeps towards its target, or follows the
-/// steps of its thermistor's readings.
+/// The most by which a heater with a target may change within them, degrees: it creeps towards its
+/// target, or follows the steps of its thermistor's readings.
 const HELD_BAND_CELSIUS: f32 = 0.11;
 
 /// Maximum distance of a resting heater from its target, degrees Celsius.
@@ -24,10 +26,12 @@ pub struct HeaterSample {
     pub target_celsius: f32,
 }
 
-/// Watches the heaters until all are at rest for [`REST_SAMPLES`]: off and no longer cooling, or held at their targets.
+/// Watches the heaters until all are at rest for [`REST_SAMPLES`]: off and no longer cooling, or
+/// held at their targets.
 ///
-/// From there on the model would only repeat itself: until a target is changed no check can trip, no wait can end, and all
-/// temperatures stay within [`HELD_CELSIUS`]; but for a chamber that only the bed warms: it still gains up to 4 degrees in the hours after.
+/// From there on the model would only repeat itself: until a target is changed no check can trip,
+/// no wait can end, and all temperatures stay within [`HELD_CELSIUS`]; but for a chamber that only
+/// the bed warms: it still gains up to 4 degrees in the hours after.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HeatAtRest {
     samples: u32,

@@ -1,4 +1,5 @@
-//! A machine on the desk whose time passes by itself, within the time granted: for hosts, which come and go.
+//! A machine on the desk whose time passes by itself, within the time granted: for hosts,
+//! which come and go.
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -32,7 +33,8 @@ pub struct LiveDesk {
 }
 
 impl LiveDesk {
-    /// A machine that has just been switched on, with this many blocks in its look-ahead ring, and perhaps an accelerometer.
+    /// A machine that has just been switched on, with this many blocks in its look-ahead ring, and
+    /// perhaps an accelerometer.
     pub fn new(
         profile: &Profile,
         look_ahead: usize,

@@ -19,7 +19,8 @@ use super::session_motion::{Desk, MotionState, let_time_pass};
 use super::step_queue::VirtualStepQueue;
 use crate::record::Observer;
 
-/// Longest motion at once while a command waits for it; in between temperatures and the host get their turn.
+/// Longest motion at once while a command waits for it; in between temperatures and the
+/// host get their turn.
 const LONGEST_LEAP_TICKS: u64 = TICKS_PER_SECOND as u64 / 2;
 
 /// A machine that makes every step, seen by `O`.
@@ -52,7 +53,8 @@ impl<O: Observer> Rehearsal<O> {
         self.steps.machine.borrow().queue().motors().true_position_10nm()
     }
 
-    /// Distance that the motors have pushed against the frame past end stops that did not trigger, units of 10 nm.
+    /// Distance that the motors have pushed against the frame past end stops that did not
+    /// trigger, units of 10 nm.
     pub fn pushed_10nm(&self) -> [i64; 3] {
         self.steps.machine.borrow().queue().motors().pushed_10nm()
     }
@@ -96,8 +98,8 @@ impl<O: Observer> Desk for Rehearsal<O> {
         SharedMotion::new(DeskMachine { steps: &self.steps, signals })
     }
 
-    /// Plans and plays until a move fits that did not before, all motion has ended, or the longest leap is over. Then the
-    /// waiting command looks, and waits again if it must.
+    /// Plans and plays until a move fits that did not before, all motion has ended, or the longest
+    /// leap is over. Then the waiting command looks, and waits again if it must.
     fn pass_motion(&self) {
         if !self.steps.awaits_motion.take() {
             return;

@@ -72,8 +72,8 @@ pub trait Desk {
     fn rules(&self) -> Option<RulesReport> {
         None
     }
-    /// Returns the commands that another firmware does not have or refuses, if the job is planned by
-    /// its rules.
+    /// Returns the commands that another firmware does not have or refuses, if the job is
+    /// planned by its rules.
     fn refusals(&self) -> Option<Rc<Refusals>> {
         None
     }

@@ -1,4 +1,5 @@
-//! The desk's step queue: its interrupt is the desk, which plays it on virtual motors as virtual time passes.
+//! The desk's step queue: its interrupt is the desk, which plays it on virtual motors as
+//! virtual time passes.
 
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -20,7 +21,8 @@ use crate::record::{AnyObserver, Observer};
 /// Entries that the queue holds, as many as a board's has slots.
 const CAPACITY: usize = 2048;
 
-/// Entries that stay when the queue has been full: playing half of it at a time is faster than one entry (caches).
+/// Entries that stay when the queue has been full: playing half of it at a time is faster than
+/// one entry (caches).
 const KEPT_OF_A_FULL_QUEUE: usize = CAPACITY / 2;
 
 /// Observers of the motors: the digests and the event rate for the report, and the session's own.
@@ -55,7 +57,8 @@ pub struct VirtualStepQueue {
     watched_axis: Option<usize>,
     /// Tick up to which motion goes before the command side looks again.
     pause_tick: u64,
-    /// Motion clock now, if time passes by itself. A value before the last event means the time of that event.
+    /// Motion clock now, if time passes by itself. A value before the last event means the
+    /// time of that event.
     now_tick: u64,
     watch: Watch,
     /// The ends of lines, if someone follows them.
@@ -133,7 +136,8 @@ impl VirtualStepQueue {
         self.motors.ledger.tick() > self.pause_tick
     }
 
-    /// Plays entries up to the pause: half of a full queue, all of any other. Returns whether there was one to play.
+    /// Plays entries up to the pause: half of a full queue, all of any other. Returns whether there
+    /// was one to play.
     pub fn play(&mut self) -> bool {
         if !self.link.is_running() {
             return false;
@@ -337,7 +341,8 @@ impl MotorEnable for VirtualStepQueue {
     }
 }
 
-/// The motors are watched as they step: after a stop, digests and traces do not contain the steps that were left.
+/// The motors are watched as they step: after a stop, digests and traces do not contain the
+/// steps that were left.
 impl StepObserver for VirtualStepQueue {
     #[inline]
     fn stepped(&mut self, _tick: u64, _axes: u8, _directions: u8) {}

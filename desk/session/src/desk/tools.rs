@@ -1,4 +1,5 @@
-//! The extruders of a desk machine with several tools: which one makes the steps of E, and how many each has made.
+//! The extruders of a desk machine with several tools: which one makes the steps of E, and how
+//! many each has made.
 
 use ferrostep_printer::MAX_TOOLS;
 

@@ -1,4 +1,5 @@
-//! The motors that lift the desk's Z, each by itself while they are aligned, and the sheet as the probe sees it then.
+//! The motors that lift the desk's Z, each by itself while they are aligned, and the sheet as the
+//! probe sees it then.
 
 use ferrostep_printer::{Profile, ZAlignment};
 use ferrostep_profiles::heights_by_motors;
@@ -49,7 +50,8 @@ impl DeskZMotors {
         motors.set_probe(VirtualProbe { shape: self.sheet(), ..self.probe });
     }
 
-    /// The sheet as it lies below an axis whose motors have moved so: lower where they have gone away from it.
+    /// The sheet as it lies below an axis whose motors have moved so: lower where they have
+    /// gone away from it.
     fn sheet(&self) -> SheetShape {
         let more_10nm = self.more.map(|steps| steps as f64 / self.steps_per_mm * 1e5);
         let (places, _) = self.alignment.places_10nm.split_at(self.count);

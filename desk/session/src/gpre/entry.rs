@@ -10,7 +10,8 @@ use ferrostep_printer::{CommandError, Ports, Printer, Profile};
 use super::part_reader::PartReader;
 use crate::job::JobError;
 
-/// Height of the nozzle above the print while X and Y are homed and while it travels, units of 10 nm: 5 mm.
+/// Height of the nozzle above the print while X and Y are homed and while it travels,
+/// units of 10 nm: 5 mm.
 const CLEARANCE_10NM: i64 = 500_000;
 
 /// Feed of the travel to the frame's start, mm/min.
@@ -95,8 +96,8 @@ impl Passed {
                     | Command::Junction { .. }
                     | Command::FlowPercent(..),
                 ) => {}
-                // Commands without lasting effect: motion, waits, reports, queries, M500 to M502 in a job. No job
-                // contains a tower. M851 matters when Z is homed, as it is not here.
+                // Commands without lasting effect: motion, waits, reports, queries, M500 to M502 in
+                // a job. No job contains a tower. M851 matters when Z is homed, as it is not here.
                 Ok(
                     Command::Linear { .. }
                     | Command::Arc { .. }
@@ -177,7 +178,8 @@ pub fn no_frames(number: u32) -> JobError {
     JobError::Entry { frame: number, message }
 }
 
-/// Error for a frame that cannot be entered, with the next one that can; the reader has just read the frame.
+/// Error for a frame that cannot be entered, with the next one that can; the reader has
+/// just read the frame.
 pub fn not_here<R: Read>(number: u32, reader: &mut PartReader<R>, frames: u32) -> JobError {
     let next = loop {
         match reader.frame(frames) {
@@ -199,9 +201,10 @@ pub fn not_here<R: Read>(number: u32, reader: &mut PartReader<R>, frames: u32) -
 
 /// Brings the machine to where a frame begins, and takes over the settings in force there.
 ///
-/// The nozzle is assumed at the frame's height: after a power cut it is on or in the print, and Z cannot be homed.
-/// Bed and nozzle are heated before anything moves, so that nothing is torn off. Then the nozzle is raised, X and Y
-/// are homed, and it travels over the print to the frame's start, and down.
+/// The nozzle is assumed at the frame's height: after a power cut it is on or in the print, and Z
+/// cannot be homed. Bed and nozzle are heated before anything moves, so that nothing is torn off.
+/// Then the nozzle is raised, X and Y are homed, and it travels over the print to the frame's
+/// start, and down.
 ///
 /// # Errors
 /// The command that could not be executed, as for a line of G-code.

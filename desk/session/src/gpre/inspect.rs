@@ -141,7 +141,8 @@ impl Entries {
         self.position_10nm = target_10nm;
     }
 
-    /// Writes the entries. Their times are shares of the job's time, by the time of the moves at their feeds.
+    /// Writes the entries. Their times are shares of the job's time, by the time of the
+    /// moves at their feeds.
     fn say(&self, header: &Header, out: &mut impl Write) -> io::Result<()> {
         writeln!(out, "can be entered at")?;
         writeln!(out, "{:>8} {:>10} {:>10}   {:>16}", "frame", "after line", "Z, mm", "in motion before")?;

@@ -89,7 +89,8 @@ impl<R: Read> PartReader<R> {
         Ok(Some((frame, offset)))
     }
 
-    /// The next packet of the wide encoding, its number and where it begins; `None` after the last of `packets`.
+    /// The next packet of the wide encoding, its number and where it begins; `None` after the
+    /// last of `packets`.
     pub fn packet(&mut self, packets: u32) -> Result<Option<(Packet, u32, u64)>, JobError> {
         let (offset, number) = (self.offset, self.next);
         let fault = |fault| refused(ReadError { fault, offset, frame: Some(number) });

@@ -29,12 +29,12 @@ pub async fn play<P: Ports>(
     play_from(0, input, profile, printer, progress, look).await
 }
 
-/// Plays a job as [`play`] does, from a frame on. First brings the machine to the frame's start, except for frame 0,
-/// the job's start.
+/// Plays a job as [`play`] does, from a frame on. First brings the machine to the frame's start,
+/// except for frame 0, the job's start.
 ///
 /// # Errors
-/// As [`play`], and [`JobError::Entry`] if there is no such frame, the job cannot be entered there, or the machine cannot be
-/// brought there.
+/// As [`play`], and [`JobError::Entry`] if there is no such frame, the job cannot be entered there,
+/// or the machine cannot be brought there.
 pub async fn play_from<P: Ports>(
     from: u32,
     input: &mut impl Read,
@@ -128,7 +128,8 @@ async fn execute<P: Ports>(
         match item {
             Item::Move(next) => {
                 progress.lines = next.line;
-                // A Z that M290 has shifted is not reported here: the move itself is refused for it.
+                // A Z that M290 has shifted is not reported here: the move itself
+                // is refused for it.
                 if !begun && printer.machine_10nm() != start.position_10nm && !printer.is_shifted() {
                     let message =
                         "the frame does not begin where the one before ended: prepare the job again".to_owned();

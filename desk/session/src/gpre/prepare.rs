@@ -219,7 +219,8 @@ impl<W: Write, P: Ports> Onlooker<P> for Writer<'_, W> {
 
 /// Prepares a job: executes it on the desk without its steps and writes the plan.
 ///
-/// `picture` is the slicer's, see [`super::take_thumbnail`]. The header is written again at the end, when its numbers are known.
+/// `picture` is the slicer's, see [`super::take_thumbnail`]. The header is written again at the
+/// end, when its numbers are known.
 ///
 /// # Errors
 /// See [`PrepareError`]; the content of `out` is then useless.

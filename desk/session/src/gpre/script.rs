@@ -1,5 +1,5 @@
-//! The parts of a job in their order, from the G-code to the file: moves wait here until look-ahead has settled their
-//! speeds.
+//! The parts of a job in their order, from the G-code to the file: moves wait here until look-ahead
+//! has settled their speeds.
 
 use std::collections::VecDeque;
 
@@ -212,7 +212,8 @@ impl Script {
         }
     }
 
-    /// The shortest encoding of the planned speed, from which the reader's forward pass makes the same.
+    /// The shortest encoding of the planned speed, from which the reader's forward
+    /// pass makes the same.
     fn entry(&mut self, speeds: &Speeds) -> EntrySpeed {
         let Speeds { planned, entry, bound } = speeds;
         let said = |said: EntrySpeed| {

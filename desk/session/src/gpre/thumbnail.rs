@@ -1,4 +1,5 @@
-//! The picture that slicers write into the comments at a file's start, or into a block of binary G-code.
+//! The picture that slicers write into the comments at a file's start, or into a block
+//! of binary G-code.
 
 use std::io::{self, BufRead};
 
@@ -31,8 +32,9 @@ fn fits(bytes: &[u8]) -> bool {
     !bytes.is_empty() && bytes.len() < ferrostep_gpre::header::MAX_THUMBNAIL_BYTES as usize
 }
 
-/// The largest thumbnail before the first command, and all that was read: lines between `; thumbnail begin 220x124 1234`
-/// (also `thumbnail_JPG`, `thumbnail_QOI`) and `; thumbnail end`, in base 64.
+/// The largest thumbnail before the first command, and all that was read: lines between
+/// `; thumbnail begin 220x124 1234` (also `thumbnail_JPG`, `thumbnail_QOI`) and
+/// `; thumbnail end`, in base 64.
 fn find(input: impl BufRead) -> io::Result<(Option<Picture>, Vec<u8>)> {
     let mut found: Option<Picture> = None;
     let mut open: Option<(ThumbnailFormat, u16, u16, String)> = None;

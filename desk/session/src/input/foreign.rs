@@ -1,4 +1,5 @@
-//! Files that are not jobs, recognised by their first bytes, so that the error can say how to mend it.
+//! Files that are not jobs, recognised by their first bytes, so that the error can
+//! say how to mend it.
 
 use std::fmt;
 
@@ -49,8 +50,8 @@ fn is_utf16(start: &[u8]) -> bool {
         || pairs.clone().count() == 2 && pairs.clone().all(is_ascii)
 }
 
-/// The number of facets agrees with the size; or, where that is not known, all facets end in the two zeros that are
-/// usual there.
+/// The number of facets agrees with the size; or, where that is not known, all facets end in the
+/// two zeros that are usual there.
 fn is_binary_stl(start: &[u8], size: Option<u64>) -> bool {
     let Some((header, facets)) = start.split_at_checked(STL_HEADER_BYTES) else { return false };
     let count = header.last_chunk().map_or(0, |bytes| u32::from_le_bytes(*bytes));

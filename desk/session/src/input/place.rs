@@ -6,14 +6,15 @@ use std::rc::Rc;
 
 /// Bytes of a job's file on their way: fetched, unpacked, and taken by the reader of lines.
 ///
-/// Buffers hold tens of kilobytes, which of a packed file may be all of it: only the taken bytes have been executed. Their share
-/// of the file is known from the size that gzip writes at its end; where that is not the size of all, from the share of the bytes
-/// that were fetched for them.
+/// Buffers hold tens of kilobytes, which of a packed file may be all of it: only the taken bytes
+/// have been executed. Their share of the file is known from the size that gzip writes at its end;
+/// where that is not the size of all, from the share of the bytes that were fetched for them.
 #[derive(Debug, Default)]
 pub struct Place {
     /// Size of the file, bytes; 0 for a pipe.
     pub(super) size: Cell<u64>,
-    /// Bytes that will come of it, as gzip's last four bytes say, less multiples of 4 GiB; 0 if they say nothing.
+    /// Bytes that will come of it, as gzip's last four bytes say, less multiples of 4 GiB; 0 if
+    /// they say nothing.
     pub(super) unpacked_size: Cell<u64>,
     /// Bytes of the file that have been unpacked; of plain text all that have been read.
     pub(super) fetched: Cell<u64>,

@@ -1,4 +1,5 @@
-//! A sliced 3MF (`.gcode.3mf`), which Bambu Studio and OrcaSlicer export: a zip archive that holds the G-code of its plates.
+//! A sliced 3MF (`.gcode.3mf`), which Bambu Studio and OrcaSlicer export: a zip archive that holds
+//! the G-code of its plates.
 //!
 //! The archive's directory and the G-code are read in portions, whatever their size.
 
@@ -18,8 +19,8 @@ const MAX_ENTRIES: u64 = 100_000;
 /// The most G-code of a plate, bytes.
 const MAX_BYTES: u64 = (4 << 30) - 1;
 
-/// More G-code than [`UNSUSPECTED_BYTES`] that is packed into a smaller share is no G-code: text as slicers write it is packed into a
-/// third to a tenth, and equal layers into a hundredth.
+/// More G-code than [`UNSUSPECTED_BYTES`] that is packed into a smaller share is no G-code: text as
+/// slicers write it is packed into a third to a tenth, and equal layers into a hundredth.
 const MAX_RATIO: u64 = 400;
 const UNSUSPECTED_BYTES: u64 = 16 << 20;
 
@@ -152,7 +153,8 @@ pub struct PlateGcode {
     pub bytes: u64,
 }
 
-/// Finds the G-code of a plate in an archive, or of its only plate, and reads it once to compare its checksum.
+/// Finds the G-code of a plate in an archive, or of its only plate, and reads it once to
+/// compare its checksum.
 ///
 /// # Errors
 /// The archive cannot be read, is damaged, or does not hold the plate.

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// All temporary files. The lock is held while one is made, renamed or removed, and while the signal thread removes them all, so that
-/// it misses none.
+/// All temporary files. The lock is held while one is made, renamed or removed, and while the
+/// signal thread removes them all, so that it misses none.
 static PARTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// Locks the list.

@@ -9,8 +9,8 @@ use signal_hook::low_level::emulate_default_handler;
 
 use super::parts;
 
-/// Starts a thread, once, that removes all temporary files when a signal arrives and then lets the signal end the process, so
-/// that a shell sees the process ended by that signal.
+/// Starts a thread, once, that removes all temporary files when a signal arrives and then lets the
+/// signal end the process, so that a shell sees the process ended by that signal.
 pub fn watch() -> io::Result<()> {
     static STARTED: OnceLock<Result<(), io::ErrorKind>> = OnceLock::new();
     let outcome = STARTED.get_or_init(|| start().map_err(|error| error.kind()));
@@ -33,8 +33,9 @@ fn start() -> io::Result<()> {
     Ok(())
 }
 
-/// The signals that this process was started to ignore (`nohup`, a shell's background job), one bit each from signal 1: a
-/// handler would stop ignoring them. Read from Linux's /proc; elsewhere empty.
+/// The signals that this process was started to ignore (`nohup`, a shell's background job), one
+/// bit each from signal 1: a handler would stop ignoring them. Read from Linux's /proc;
+/// elsewhere empty.
 fn ignored() -> u64 {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

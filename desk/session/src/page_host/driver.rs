@@ -21,7 +21,8 @@ const LOOK: Duration = Duration::from_millis(20);
 /// Looks between two attempts to open a closed line.
 const LOOKS_UNTIL_RETRY: u32 = 100;
 
-/// A person's line without an answer for this long has lost it. A wait for heat may take as long without a sign of life.
+/// A person's line without an answer for this long has lost it. A wait for heat may take as long
+/// without a sign of life.
 const ANSWER: Duration = Duration::from_secs(300);
 
 /// Longest wait for the last answer.
@@ -33,7 +34,8 @@ const REPORTS: &[u8] = b"M155 S2\nM114\n";
 /// Commands that switch these reports off: another host may not want them.
 const NO_REPORTS: &[u8] = b"M155 S0\n";
 
-/// Talks with the printer until `ends`: opens the line, and again when it is lost. A job under way is ended first.
+/// Talks with the printer until `ends`: opens the line, and again when it is lost. A job under
+/// way is ended first.
 pub fn run(host: &PageHost, mut connect: impl FnMut() -> Result<PrinterLine, String>, ends: impl Fn() -> bool) {
     while !ends() {
         let lost = match connect() {

@@ -106,7 +106,8 @@ fn warm_enough(inner: &Inner, least_celsius: f32) -> Result<(), Refusal> {
     }
 }
 
-/// A person's line as it is sent: without comment, and nothing in it that would make it another line.
+/// A person's line as it is sent: without comment, and nothing in it that would make
+/// it another line.
 fn checked(line: &str) -> Result<String, Refusal> {
     let text = line.split(';').next().unwrap_or_default().trim();
     if text.is_empty() {

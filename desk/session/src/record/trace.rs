@@ -50,7 +50,8 @@ impl TraceWriter {
     }
 
     fn write(&mut self, bytes: &[u8]) {
-        // A step has no way to report an error: the first one is kept, and later records are dropped.
+        // A step has no way to report an error: the first one is kept, and later
+        // records are dropped.
         if self.error.is_none() {
             self.error = self.out.write_all(bytes).err();
         }

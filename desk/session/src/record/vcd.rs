@@ -114,8 +114,8 @@ impl VcdWriter {
         Ok(())
     }
 
-    /// The time at which a board changes a direction for a step: with the end of the pulse before; where both edges step, half
-    /// way from the step before, or as late as the set-up time allows.
+    /// The time at which a board changes a direction for a step: with the end of the pulse before;
+    /// where both edges step, half way from the step before, or as late as the set-up time allows.
     fn turn_ns(&self, now_ns: u64, fallen_ns: Option<u64>) -> u64 {
         let setup_ns = u64::from(self.timing.direction_setup_ns);
         let interval_ns = now_ns - self.stepped_ns;

@@ -139,7 +139,8 @@ impl Lines {
         self.forget();
     }
 
-    /// A line is over as soon as all its moves are and another has followed: until then it may have more.
+    /// A line is over as soon as all its moves are and another has followed: until then
+    /// it may have more.
     fn forget(&mut self) {
         while self.0.len() > 1 && self.0.front().is_some_and(|first| first.open <= 0) {
             self.0.pop_front();

@@ -39,7 +39,8 @@ pub enum FaultKind {
     FilamentBack,
     /// The filament does not follow the extruder any more (`true`), or does again.
     FilamentStuck(bool),
-    /// The supply's signal says that it fails (`true`), or that it is right again. Power stays, as with a module.
+    /// The supply's signal says that it fails (`true`), or that it is right again. Power stays,
+    /// as with a module.
     SupplySignal(bool),
     /// A fan stops whatever its power (`true`), or turns again.
     Fan(FanOutput, bool),

@@ -1,7 +1,8 @@
-//! The served printer's hosts: one outside the program, at a pseudo-terminal or TCP port, and the web page's.
+//! The served printer's hosts: one outside the program, at a pseudo-terminal or TCP port,
+//! and the web page's.
 //!
-//! One of them owns the line: the page while it prints or waits for an answer, the host outside from its first line
-//! until it goes. Only M112 is heard of the other one's bytes.
+//! One of them owns the line: the page while it prints or waits for an answer, the host outside
+//! from its first line until it goes. Only M112 is heard of the other one's bytes.
 
 use std::io;
 use std::sync::Arc;
@@ -12,8 +13,8 @@ use ferrostep_host_line::Line;
 
 use super::ownership::Ownership;
 
-/// Reply to each line of an outside host while the page owns the printer. It has no `ok`, so that the host does not
-/// continue.
+/// Reply to each line of an outside host while the page owns the printer. It has no `ok`, so that
+/// the host does not continue.
 const REFUSED: &str =
     "Error:the web page owns this printer until its print has ended: this line is refused (M112 acts)\n";
 
@@ -142,7 +143,8 @@ impl Hosts {
         Ok(heard)
     }
 
-    /// Sends what the printer says: to the page, and to the host outside unless the page owns the printer.
+    /// Sends what the printer says: to the page, and to the host outside unless the page
+    /// owns the printer.
     ///
     /// # Errors
     /// A line is broken for good.
@@ -202,7 +204,8 @@ mod tests {
         }
     }
 
-    /// The page writes only while it owns the printer: what comes later was written before it let go.
+    /// The page writes only while it owns the printer: what comes later was written
+    /// before it let go.
     #[test]
     fn a_line_that_the_page_has_sent_is_read_after_it_has_let_go() {
         let (line, mut page) = Line::pair().unwrap();

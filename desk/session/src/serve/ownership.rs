@@ -11,7 +11,8 @@ const OUTSIDE: u8 = 2;
 pub struct Ownership(AtomicU8);
 
 impl Ownership {
-    /// Takes the line for the page, if the outside host does not own it; whether the page has it now.
+    /// Takes the line for the page, if the outside host does not own it; whether the
+    /// page has it now.
     pub fn take_for_page(&self) -> bool {
         self.take(PAGE)
     }
@@ -26,7 +27,8 @@ impl Ownership {
         self.0.load(Ordering::SeqCst) == PAGE
     }
 
-    /// Takes the line for the outside host, if the page does not own it; whether that host has it now.
+    /// Takes the line for the outside host, if the page does not own it; whether that
+    /// host has it now.
     pub fn take_for_outside(&self) -> bool {
         self.take(OUTSIDE)
     }

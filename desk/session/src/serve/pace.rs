@@ -4,8 +4,8 @@ use std::fmt;
 use std::str::FromStr;
 use std::time::{Duration, Instant};
 
-/// Longest stop of time for a host that has its `ok`, at any speed above real time. A host that prints answers within
-/// milliseconds; one that takes longer than this has stopped sending.
+/// Longest stop of time for a host that has its `ok`, at any speed above real time. A host that
+/// prints answers within milliseconds; one that takes longer than this has stopped sending.
 pub const HOST_TURN: Duration = Duration::from_millis(1000);
 
 /// Maximum delay that is caught up. A larger one stays: a host would see a printer that races.
@@ -25,7 +25,8 @@ const MAX_WAIT: Duration = Duration::from_millis(20);
 pub enum Speed {
     /// This many virtual seconds in a second.
     Times(f64),
-    /// The maximum that this computer reaches while the printer has something to do; otherwise real time.
+    /// The maximum that this computer reaches while the printer has something to do;
+    /// otherwise real time.
     Max,
 }
 
@@ -72,9 +73,10 @@ pub enum Next {
 
 /// Decides how much virtual time may pass.
 ///
-/// A board whose host answers after a millisecond loses a millisecond. At twenty times the speed it would lose twenty, and
-/// whether steps run out would depend on the host's computer. Therefore, above real time, virtual time stands still while it
-/// is the host's turn: it has been answered, and its next line has not come yet.
+/// A board whose host answers after a millisecond loses a millisecond. At twenty times the speed it
+/// would lose twenty, and whether steps run out would depend on the host's computer. Therefore,
+/// above real time, virtual time stands still while it is the host's turn: it has been answered,
+/// and its next line has not come yet.
 #[derive(Debug)]
 pub struct Pace {
     speed: Speed,

@@ -1,4 +1,5 @@
-//! The printer's port: bytes from the host by way of the firmware's own rings, and whole lines back.
+//! The printer's port: bytes from the host by way of the firmware's own rings, and
+//! whole lines back.
 
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeSet, VecDeque};
@@ -16,10 +17,12 @@ use ferrostep_host_line::damage::{DamagedLine, LineFault};
 
 use super::hosts::{HostBytes, Hosts};
 
-/// Bytes that wait to be read, as on a board: a host that does not wait for each `ok` may keep this much in flight.
+/// Bytes that wait to be read, as on a board: a host that does not wait for each `ok` may keep
+/// this much in flight.
 const RECEIVE_BYTES: usize = 2048;
 
-/// Maximum bytes that are received at once, so that the printer reads them before the next ones come.
+/// Maximum bytes that are received at once, so that the printer reads them before
+/// the next ones come.
 const RECEIVED_AT_ONCE: usize = 1024;
 
 /// Interval of the looks whether a host is there.

@@ -17,7 +17,8 @@ impl<'a> ShapedCursor<'a> {
         Self { begun: vec![0; shaped.impulses.len()], shaped }
     }
 
-    /// Returns the next time after this one at which the acceleration may change, s; infinite after the last.
+    /// Returns the next time after this one at which the acceleration may change, s;
+    /// infinite after the last.
     pub fn next_breakpoint_s(&mut self, time_s: f64) -> f64 {
         self.move_to(time_s);
         let pieces = self.shaped.law.pieces();

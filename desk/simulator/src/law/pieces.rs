@@ -52,9 +52,9 @@ impl fmt::Display for LawError {
 
 impl std::error::Error for LawError {}
 
-/// Position against time of one coordinate, in pieces that follow each other. The coordinate is at rest before the
-/// first and after the last. A position may jump between two pieces, as that of an extruder with pressure advance
-/// does.
+/// Position against time of one coordinate, in pieces that follow each other. The coordinate is at
+/// rest before the first and after the last. A position may jump between two pieces, as that of an
+/// extruder with pressure advance does.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Law {
     pieces: Vec<Piece>,
@@ -112,7 +112,8 @@ impl Law {
         }
     }
 
-    /// The law of position plus a time constant times speed: linear pressure advance. `applies` says for which pieces.
+    /// The law of position plus a time constant times speed: linear pressure advance. `applies`
+    /// says for which pieces.
     pub fn advanced(&self, time_constant_s: f64, applies: impl Fn(usize) -> bool) -> Self {
         let pieces = self.pieces.iter().enumerate().map(|(index, piece)| {
             let gain_s = if applies(index) { time_constant_s } else { 0.0 };

@@ -15,9 +15,9 @@ pub struct StepTime {
     pub negative: bool,
 }
 
-/// The steps of a motor with this scale that follows a shaped law from its beginning: the motor starts at the
-/// position rounded half away from zero, and steps where the position passes the middle between two steps. Times are
-/// in order.
+/// The steps of a motor with this scale that follows a shaped law from its beginning: the motor
+/// starts at the position rounded half away from zero, and steps where the position passes the
+/// middle between two steps. Times are in order.
 pub fn step_times(shaped: &ShapedLaw<'_>, steps_per_mm: f64) -> Vec<StepTime> {
     let breakpoints = shaped.breakpoints_s();
     let mut steps = Vec::new();
@@ -36,7 +36,8 @@ pub fn step_times(shaped: &ShapedLaw<'_>, steps_per_mm: f64) -> Vec<StepTime> {
     steps
 }
 
-/// Adds the steps of a motor that is at this place, steps, and follows a motion, mm, between two times.
+/// Adds the steps of a motor that is at this place, steps, and follows a motion, mm,
+/// between two times.
 pub(crate) fn follow(
     steps: &mut Vec<StepTime>,
     place: &mut f64,

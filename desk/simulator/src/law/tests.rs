@@ -27,7 +27,8 @@ fn line(speed: f64, acceleration: f64, cruise_s: f64) -> Law {
     law(0.0, &[(ramp_s, acceleration), (cruise_s, 0.0), (ramp_s, -acceleration)])
 }
 
-/// Steps/mm of the trains whose ringing is looked at: half a step is 3 um, 0.8 % of what a stop from 300 mm/s leaves at 120 Hz.
+/// Steps/mm of the trains whose ringing is looked at: half a step is 3 um, 0.8 % of what a stop
+/// from 300 mm/s leaves at 120 Hz.
 const FINE_STEPS_PER_MM: f64 = 160.0;
 
 fn steps(law: &Law, impulses: &[Impulse]) -> Vec<StepTime> {
@@ -68,7 +69,8 @@ fn what_is_no_law_is_refused() {
 #[test]
 fn an_advanced_law_jumps_and_its_steps_with_it() {
     let law = line(50.0, 1000.0, 0.2).advanced(0.04, |_| true);
-    // Position + 0.04 s * speed: at the ramp's start by 0.04 s of acceleration, in speed; the position by 0.
+    // Position + 0.04 s * speed: at the ramp's start by 0.04 s of acceleration, in speed;
+    // the position by 0.
     assert!((law.at(0.5).speed_mm_per_s - 40.0).abs() < 1e-9);
     assert!((law.at(0.6).position_mm - (line(50.0, 1000.0, 0.2).at(0.6).position_mm + 2.0)).abs() < 1e-9);
     let end = law.at(2.0).position_mm;
@@ -89,9 +91,11 @@ fn residual_of_steps(steps: &[StepTime], hz: f64, damping: f64, until_s: f64) ->
     mode.ringing_mm(Motion::standing(place))
 }
 
-/// The step train of a shaped stop leaves what the theory says of the shaper, within 1 % of what an unshaped one leaves.
+/// The step train of a shaped stop leaves what the theory says of the shaper, within 1 % of what an
+/// unshaped one leaves.
 ///
-/// The plan goes from rest to 300 mm/s and back to rest, within a third of a millisecond each: nearly an impulse.
+/// The plan goes from rest to 300 mm/s and back to rest, within a third of a millisecond each:
+/// nearly an impulse.
 #[test]
 fn steps_leave_what_the_theory_says() {
     for hz in [20.0, 50.0, 120.0] {
@@ -104,7 +108,8 @@ fn steps_leave_what_the_theory_says() {
             .map(|kind| Shaper::new(kind, hz, 0.1).map(|shaper| (kind, train(&shaper), shaper)).unwrap());
         for ratio in [0.8, 0.9, 1.0, 1.1, 1.2] {
             for damping in [0.05, 0.1, 0.15] {
-                // The unshaped train's amplitude at the same age: the last impulse is as old as its end.
+                // The unshaped train's amplitude at the same age: the last impulse is
+                // as old as its end.
                 let whole = residual_of_steps(&plain, hz * ratio, damping, end_s);
                 for (kind, train, shaper) in &shaped {
                     let left = residual_of_steps(train, hz * ratio, damping, end_s + shaper.length_s());

@@ -1,7 +1,8 @@
 //! Material that is not where it should be, at corners and at the ends of lines.
 //!
-//! At each instant the nozzle should let out its speed times the bead's cross-section. The difference belongs to the place
-//! on the path where the nozzle is, and with it to the nearest corner or end, if that is near enough.
+//! At each instant the nozzle should let out its speed times the bead's cross-section. The
+//! difference belongs to the place on the path where the nozzle is, and with it to the nearest
+//! corner or end, if that is near enough.
 
 use crate::path::PathSegment;
 use serde::Serialize;
@@ -29,15 +30,15 @@ pub struct BeadReport {
     pub corner_volume_mm3: f64,
     /// Corners: turns by more than 30 degrees between two printed moves without a stop.
     pub corners: u64,
-    /// Volume at a beginning or an end of a line within 5 mm of path, mean of all, mm^3; includes what comes out on
-    /// travels.
+    /// Volume at a beginning or an end of a line within 5 mm of path, mean of all, mm^3; includes
+    /// what comes out on travels.
     pub end_volume_mm3: f64,
     /// Beginnings and ends of lines, and stops in them.
     pub ends: u64,
     /// Sum of the volumes in between, mm^3.
     pub elsewhere_volume_mm3: f64,
-    /// Sum of what came out while no line was printed, on travels and at stops for filament, mm^3; also counted
-    /// above.
+    /// Sum of what came out while no line was printed, on travels and at stops for filament, mm^3;
+    /// also counted above.
     pub oozed_volume_mm3: f64,
 }
 
@@ -86,7 +87,8 @@ impl Bead {
         self.features.push_back((place_mm, feature));
     }
 
-    /// A difference at a place of the path; without one, where the nozzle was last. The path is known so far.
+    /// A difference at a place of the path; without one, where the nozzle was last. The path
+    /// is known so far.
     pub(super) fn add(&mut self, place_mm: Option<f64>, difference_mm3: f64, known_mm: f64) {
         self.place_mm = place_mm.unwrap_or(self.place_mm);
         let settled_mm = (self.place_mm - PASSED_MM).min(known_mm - REACH_MM);
@@ -96,7 +98,8 @@ impl Bead {
             self.first_bin = self.first_bin.max((settled_mm / BIN_MM) as usize);
         }
         let bin = (self.place_mm / BIN_MM) as usize;
-        // A place that was passed long ago: its bin is settled, and the first that is not takes the difference.
+        // A place that was passed long ago: its bin is settled, and the first that is not
+        // takes the difference.
         let index = bin.saturating_sub(self.first_bin);
         while self.bins.len() <= index {
             self.bins.push_back(0.0);

@@ -12,7 +12,8 @@ pub struct ExtruderFilter {
     pub advance_s: f64,
     /// Impulses; as those of X and Y where the filament goes with them.
     pub shaper: Shaper,
-    /// Lengths of moving averages, s, rounded to two samples; two of the same length are a triangle.
+    /// Lengths of moving averages, s, rounded to two samples; two of the same
+    /// length are a triangle.
     pub boxes_s: Vec<f64>,
 }
 
@@ -24,7 +25,8 @@ impl Default for ExtruderFilter {
 }
 
 impl ExtruderFilter {
-    /// Klipper's: pressure advance smoothed by a triangle of this length, over base and advance alike.
+    /// Klipper's: pressure advance smoothed by a triangle of this length, over base
+    /// and advance alike.
     pub fn klipper(advance_s: f64, smooth_time_s: f64) -> Self {
         let boxes_s = if smooth_time_s > 0.0 { vec![0.5 * smooth_time_s; 2] } else { Vec::new() };
         Self { advance_s, boxes_s, ..Self::default() }
@@ -82,7 +84,8 @@ impl<'a> ExtruderSamples<'a> {
             .filter(|half| *half > 0)
             .collect();
         let lead: usize = halves.iter().sum();
-        // The first averages what is between samples, exactly; the others average its results, which are at samples.
+        // The first averages what is between samples, exactly; the others average its results,
+        // which are at samples.
         let averages = halves.iter().enumerate().map(|(index, half)| {
             let of_points = index > 0;
             Average::new(2 * half + usize::from(of_points), of_points)

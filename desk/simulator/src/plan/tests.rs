@@ -18,7 +18,8 @@ fn report(plans: &[Plan], filters: &Filters, machine: &Machine) -> Report {
     measures.finish(time_s).0
 }
 
-/// A right angle: at a speed towards it, through it at 5 mm/s, and on at that speed, with a bead of 0.45 by 0.2 mm.
+/// A right angle: at a speed towards it, through it at 5 mm/s, and on at that speed, with a bead
+/// of 0.45 by 0.2 mm.
 fn right_angle(speed: f64, acceleration: f64) -> Vec<Plan> {
     let filament_mm = 50.0 * 0.45 * 0.2 / FILAMENT_MM2;
     let gcode = format!("G28\nM83\nG1 X50 E{filament_mm:.6} F6000\nG1 Y50 E{filament_mm:.6}\n");
@@ -42,8 +43,8 @@ fn corner_mm3(plans: &[Plan], extruder: ExtruderFilter) -> f64 {
     report.bead.corner_volume_mm3
 }
 
-/// Volumes computed elsewhere, by another program, to 6 %: 0.251, 0.0236 and 0.0055 mm^3 at 100 mm/s and 3000 mm/s^2; 0.317, 0.0634 and
-/// 0.0169 mm^3 at 200 mm/s and 10 000 mm/s^2.
+/// Volumes computed elsewhere, by another program, to 6 %: 0.251, 0.0236 and 0.0055 mm^3 at 100
+/// mm/s and 3000 mm/s^2; 0.317, 0.0634 and 0.0169 mm^3 at 200 mm/s and 10 000 mm/s^2.
 #[test]
 fn a_corner_misplaces_what_it_does_elsewhere() {
     let mzv = Shaper::new(ShaperKind::Mzv, 50.0, 0.1).unwrap();
@@ -74,7 +75,8 @@ fn example(file: &str, profile: &ReferenceProfile, feeds: f64) -> Job {
     job
 }
 
-/// The bed-slinger of the tables: the limits of Z and of retractions are those of the file, whose own lines are left out.
+/// The bed-slinger of the tables: the limits of Z and of retractions are those of the file, whose
+/// own lines are left out.
 fn bed_slinger(acceleration: f64) -> ReferenceProfile {
     let cartesian = ReferenceProfile::cartesian();
     ReferenceProfile {
@@ -94,9 +96,10 @@ fn time_s(job: &Job, speeds: &[MoveSpeeds]) -> f64 {
     Plan::of_job(job, speeds, FILAMENT_MM2).iter().map(Plan::duration_s).sum()
 }
 
-/// Times of another program with the same rules: 2381 s (2311 s without the cruise ratio and the extruder's rule) at 1000 mm/s^2,
-/// 1222 s (1168 s) at four times the feeds and 5000 mm/s^2; with arcs on a CoreXY at 10 000 mm/s^2 1081.5 s (1039 s). Within 0.2 %; the
-/// last, whose limits of Z are not known, within 1 %.
+/// Times of another program with the same rules: 2381 s (2311 s without the cruise ratio and the
+/// extruder's rule) at 1000 mm/s^2, 1222 s (1168 s) at four times the feeds and 5000 mm/s^2; with
+/// arcs on a CoreXY at 10 000 mm/s^2 1081.5 s (1039 s). Within 0.2 %; the last, whose limits of Z
+/// are not known, within 1 %.
 #[test]
 fn klippers_rules_take_the_time_they_take_elsewhere() {
     let (slow, fast) = (bed_slinger(1000.0), bed_slinger(5000.0));
@@ -120,7 +123,8 @@ fn klippers_rules_take_the_time_they_take_elsewhere() {
     }
 }
 
-/// Errors and times of another program, which has its own measure of the error: 99th percentiles within 15 % and 3 um.
+/// Errors and times of another program, which has its own measure of the error: 99th percentiles
+/// within 15 % and 3 um.
 #[test]
 fn contour_errors_are_those_of_another_simulator() {
     let profile = bed_slinger(5000.0);
@@ -151,7 +155,8 @@ fn a_stiff_frame_follows_the_path() {
     let report = report(&plans, &Filters::default(), &Machine { frame, nozzle: NozzleSettings::default() });
     assert!(report.contour_error_um.max < 5.0, "{:?}", report.contour_error_um);
     assert!((report.time_s - plans[0].duration_s()).abs() < 1e-9);
-    // At the corner each axis changes its speed by 5 mm/s and, over a millisecond of ramp, by 1.5 mm/s on the mean.
+    // At the corner each axis changes its speed by 5 mm/s and, over a millisecond of ramp, by 1.5
+    // mm/s on the mean.
     assert!((report.true_acceleration_mm_per_s2.p99 - 3000.0).abs() < 200.0);
     assert!((report.true_acceleration_mm_per_s2.max - 6500.0 * 2f64.sqrt()).abs() < 400.0);
     assert_eq!(report.ringing.stops, 1);

@@ -6,17 +6,19 @@ use std::fmt;
 /// Most impulses: as many as Klipper takes.
 const MAX_IMPULSES: usize = 10;
 
-/// Weights below this are a rounding error of zero; below its negative the shaper has a negative weight.
+/// Weights below this are a rounding error of zero; below its negative the shaper has a
+/// negative weight.
 const WEIGHT_ROUNDING: f64 = 1e-5;
 
 /// A row of the equations that depends on those before it has less than this left.
 const DEPENDENT_ROW: f64 = 1e-9;
 
-/// Number and distance of impulses that leave no vibration at the undamped frequency and at the next zeros above it.
+/// Number and distance of impulses that leave no vibration at the undamped frequency and at the
+/// next zeros above it.
 ///
-/// With `n` impulses over `t` periods the response is zero at `1 + i / tau` times the frequency, for `i` from 0 to `n - 2`,
-/// where `tau = t (n - 2) / (n - 2 t - 1)`; of all such weights it has those with the least sum of squares. Three impulses
-/// over three quarters of a period are MZV.
+/// With `n` impulses over `t` periods the response is zero at `1 + i / tau` times the frequency,
+/// for `i` from 0 to `n - 2`, where `tau = t (n - 2) / (n - 2 t - 1)`; of all such weights it has
+/// those with the least sum of squares. Three impulses over three quarters of a period are MZV.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EvenSpacing {
     weights: [f64; MAX_IMPULSES],
@@ -103,7 +105,8 @@ impl EvenSpacing {
     }
 }
 
-/// The shortest vector whose products with the rows are the rows' values; rows may depend on each other.
+/// The shortest vector whose products with the rows are the rows' values; rows may
+/// depend on each other.
 fn least_norm(rows: &[(Vec<f64>, f64)], length: usize) -> Vec<f64> {
     let mut basis: Vec<(Vec<f64>, f64)> = Vec::new();
     let mut solution = vec![0.0; length];

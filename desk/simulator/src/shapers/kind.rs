@@ -11,13 +11,15 @@ pub enum ShaperKind {
     Zv,
     /// Klipper's modified zero vibration: three impulses over three quarters of a period.
     Mzv,
-    /// The general form of MZV: impulses at equal distances, with their zeros placed around the frequency.
+    /// The general form of MZV: impulses at equal distances, with their zeros placed
+    /// around the frequency.
     EvenMzv(EvenSpacing),
     /// Zero vibration and derivative: three impulses.
     Zvd,
     /// Zero vibration and two derivatives: four impulses.
     Zvdd,
-    /// Extra-insensitive in the form without fitted damping (Marlin, Prusa, Kalico, Klipper until 2025).
+    /// Extra-insensitive in the form without fitted damping (Marlin, Prusa, Kalico,
+    /// Klipper until 2025).
     EiOld,
     /// Extra-insensitive with fitted damping (Klipper since 2025).
     Ei,
@@ -47,7 +49,8 @@ impl ShaperKind {
         Self::ThreeHumpEi,
     ];
 
-    /// Largest damping ratio that the shaper is defined for; the fitted ones hold no farther than they were fitted.
+    /// Largest damping ratio that the shaper is defined for; the fitted ones hold no farther than
+    /// they were fitted.
     pub const fn max_damping(self) -> f64 {
         match self {
             Self::Ei => 0.4,

@@ -28,7 +28,8 @@ fn weights_at_a_damping_of_a_tenth() {
     near(&weights(ShaperKind::ThreeHumpEi), &[0.221, 0.277, 0.260, 0.167, 0.075], 0.0006);
 }
 
-/// The worst residual of modes with damping 0.05, 0.1 and 0.15 at a multiple of the shaper's frequency.
+/// The worst residual of modes with damping 0.05, 0.1 and 0.15 at a multiple of the
+/// shaper's frequency.
 fn worst_residual(kind: ShaperKind, ratio: f64) -> f64 {
     let shaper = Shaper::new(kind, 40.0, DAMPING).unwrap();
     [0.05, 0.1, 0.15].into_iter().map(|damping| shaper.residual(40.0 * ratio, damping)).fold(0.0, f64::max)

@@ -9,8 +9,8 @@ const REST_S: f64 = 0.05;
 /// Maximum time from a crossing to the position where the motor rests, and back, s.
 const SETTLE_S: f64 = 0.005;
 
-/// The positions of a motor at the samples, in steps, by straight lines between crossings. A step is made where the position
-/// passes the middle between two whole ones.
+/// The positions of a motor at the samples, in steps, by straight lines between crossings. A step
+/// is made where the position passes the middle between two whole ones.
 #[derive(Debug, Default)]
 pub(super) struct Crossings {
     position: i64,

@@ -1,4 +1,5 @@
-//! Steps of a plan: every motor steps where its filtered position passes the middle between two steps.
+//! Steps of a plan: every motor steps where its filtered position passes the middle
+//! between two steps.
 
 use super::{MOTORS, StepSimulation, StepsError};
 use crate::law::{ShapedCursor, ShapedLaw, StepTime, follow};
@@ -10,7 +11,8 @@ use ferrostep_oracle::reference::Kinematics;
 use ferrostep_oracle::trace::{Record, StepEvent, TraceHeader};
 
 impl StepSimulation {
-    /// Plays the steps of plans, one plan after the other, and the ends of their moves. Returns how long the plans take, s.
+    /// Plays the steps of plans, one plan after the other, and the ends of their moves. Returns how
+    /// long the plans take, s.
     ///
     /// # Errors
     /// The plans are not those of the path.
@@ -22,14 +24,16 @@ impl StepSimulation {
         Ok(plans.iter().map(Plan::duration_s).sum())
     }
 
-    /// Plays the steps of a plan; nothing moves before this time, s. Returns the time after which nothing moves.
+    /// Plays the steps of a plan; nothing moves before this time, s. Returns the time after
+    /// which nothing moves.
     fn play_plan(&mut self, plan: &Plan, filters: &Filters, begins_s: f64) -> Result<f64, StepsError> {
         let header = self.header.clone();
         records(&header, plan, filters, begins_s, |record| self.play(record))
     }
 }
 
-/// Hands out the records that a trace of a plan has; the motors of the header are three of the axes and the extruder.
+/// Hands out the records that a trace of a plan has; the motors of the header are three of the axes
+/// and the extruder.
 pub(super) fn records<E>(
     header: &TraceHeader,
     plan: &Plan,
@@ -130,7 +134,8 @@ impl<'a> Motors<'a> {
             }
             self.time_s = until_s;
         }
-        // Averages leave so little of the filament's acceleration that it goes straight from sample to sample.
+        // Averages leave so little of the filament's acceleration that it goes straight from
+        // sample to sample.
         let before_mm = std::mem::replace(&mut self.filament_mm, self.filament.next_mm());
         let speed_mm_per_s = (self.filament_mm - before_mm) / (sample_s - start_s);
         let motion = Motion { speed_mm_per_s, ..Motion::standing(before_mm) };

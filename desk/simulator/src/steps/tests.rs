@@ -55,7 +55,8 @@ fn sum(x: &Law, y: &Law, factor: f64) -> Law {
     Law::new(pieces.map(|(x, y)| Piece { motion: x.motion.plus(factor, y.motion), ..*x }).collect()).unwrap()
 }
 
-/// Every motor steps when it does in the reference, which has one law for each motor and no windows of time.
+/// Every motor steps when it does in the reference, which has one law for each motor and no
+/// windows of time.
 #[test]
 fn a_plan_steps_where_the_reference_does() {
     let (job, speeds) = job();
@@ -109,7 +110,8 @@ fn a_plan_steps_where_the_reference_does() {
     }
 }
 
-/// A plan by other rules has an extruder of whole steps, as this machine's; fine ones measure as none do.
+/// A plan by other rules has an extruder of whole steps, as this machine's; fine ones
+/// measure as none do.
 #[test]
 fn coarse_steps_of_the_extruder_are_seen_at_a_corner() {
     let (job, speeds) = job();
@@ -153,7 +155,8 @@ fn planned(job: &Job, speeds: &[MoveSpeeds], machine: &Machine) -> Report {
     measures.finish(time_s).0
 }
 
-/// Fine steps measure as the plan without steps does, on both kinematics, by the G-code's path and by the steps' own.
+/// Fine steps measure as the plan without steps does, on both kinematics, by the G-code's path and
+/// by the steps' own.
 #[test]
 fn steps_measure_as_their_plan_does() {
     let (job, speeds) = job();
@@ -342,7 +345,8 @@ fn play_bytes(bytes: &[u8]) -> Result<Report, StepsError> {
 proptest! {
     #![proptest_config(cases(64))]
 
-    /// Any records, and any cut of them: measures or an error by name, finite numbers, and no panic.
+    /// Any records, and any cut of them: measures or an error by name, finite
+    /// numbers, and no panic.
     #[test]
     fn any_trace_is_measured_or_refused(
         records in prop::collection::vec((0u64..30_000_000, 0u8..4, any::<u8>(), any::<u8>(), any::<i32>()), 0..60),

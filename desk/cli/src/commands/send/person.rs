@@ -12,8 +12,8 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 
 use crate::terminal::tell;
 
-/// Longest time of the answers to the commands that end an upload: a printer that is in order needs less than a second, a busy computer
-/// that serves a virtual one a few.
+/// Longest time of the answers to the commands that end an upload: a printer that is in order needs
+/// less than a second, a busy computer that serves a virtual one a few.
 const ANSWERS: Duration = Duration::from_secs(10);
 
 /// The answer to the question whether the print is to end.
@@ -42,7 +42,8 @@ impl Person {
         Ok(Self { pressed, answer: Arc::new(AtomicU8::new(UNDECIDED)), is_asked: false })
     }
 
-    /// Returns true if the job is to end. On a terminal the first Ctrl-C asks, and the print continues meanwhile.
+    /// Returns true if the job is to end. On a terminal the first Ctrl-C asks, and the print
+    /// continues meanwhile.
     pub fn wants_end(&mut self, ask: impl FnOnce(&str)) -> bool {
         if !self.pressed.swap(false, Ordering::Relaxed) {
             match self.answer.load(Ordering::Relaxed) {

@@ -1,7 +1,7 @@
 //! A printer for hosts to connect to: a board's image, unmodified, on the virtual mainboard.
 //!
-//! The virtual mainboard is a separate program (`tests/mainboard/`), built only on request; this module finds and
-//! starts it.
+//! The virtual mainboard is a separate program (`tests/mainboard/`), built only on request; this
+//! module finds and starts it.
 
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
@@ -58,7 +58,8 @@ pub fn run(board: &str, arguments: &ServeArguments) -> Result<ExitCode, String> 
     if let Some(port) = arguments.tcp {
         command.args(["--tcp", &port.to_string()]);
     }
-    // Replaces this process, so that signals reach the virtual mainboard. Returns only if it could not start.
+    // Replaces this process, so that signals reach the virtual mainboard. Returns only if it
+    // could not start.
     Err(format!("{}: {}", program.display(), command.exec()))
 }
 

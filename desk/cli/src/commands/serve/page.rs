@@ -41,7 +41,8 @@ fn announce(server: &Server, has_key: bool) {
 /// The page in front of a printer at a port. It returns when the program is to end.
 ///
 /// # Errors
-/// The page's address cannot be opened. A port that cannot be opened is tried again, and the page says so.
+/// The page's address cannot be opened. A port that cannot be opened is tried again, and
+/// the page says so.
 pub fn before_a_port(
     arguments: &ServeArguments,
     address: SocketAddr,

@@ -1,5 +1,5 @@
-//! Hostile conversations: bytes that are damaged, lines and answers that are lost, doubled or late, printers that
-//! restart their count.
+//! Hostile conversations: bytes that are damaged, lines and answers that are lost, doubled or late,
+//! printers that restart their count.
 
 #![allow(clippy::unwrap_used)]
 
@@ -32,7 +32,8 @@ enum Mishap {
     Deaf,
 }
 
-/// A printer that counts lines as Marlin does, written from its protocol's description and not with this firmware's reader.
+/// A printer that counts lines as Marlin does, written from its protocol's description and not with
+/// this firmware's reader.
 struct Printer {
     last: i64,
     executed: Vec<String>,
@@ -116,8 +117,8 @@ impl Line {
         let at = self.below(self.mishaps.len() as u64) as usize;
         let mishap = self.mishaps[at];
         if matches!(mishap, Mishap::CountsAnew | Mishap::Deaf) {
-            // This happens once, and alone: a host cannot tell a count that went back from lines that it has lost
-            // before.
+            // This happens once, and alone: a host cannot tell a count that went back from lines
+            // that it has lost before.
             self.mishaps.clear();
         }
         Some(mishap)

@@ -53,7 +53,8 @@ fn a_line_is_sent_again_where_the_printer_asks() {
         send(|line, times| if line.starts_with("N2") && times == 0 { wrong.to_vec() } else { vec!["ok"] });
     assert_eq!(outcome.unwrap(), done(1));
     assert_eq!(sent, ["N1 G28", "N2 G1 X5", "N2 G1 X5", "N3 M400"]);
-    // The line has arrived, its answer has not: the printer asks for the next one when it comes again.
+    // The line has arrived, its answer has not: the printer asks for the next one
+    // when it comes again.
     let had = ["Error:Line Number is not Last Line Number+1, Last Line: 2", "Resend: 3", "ok"];
     let (outcome, sent) = send(|line, times| match (line.starts_with("N2"), times) {
         (true, 0) => vec![],
@@ -120,7 +121,8 @@ fn a_printer_that_is_busy_is_not_asked_again() {
     assert_eq!(sent, WHOLE);
 }
 
-/// A file is written between M28 and M29, and only where the printer says that it writes: what it does not write it would execute.
+/// A file is written between M28 and M29, and only where the printer says that it writes: what it
+/// does not write it would execute.
 #[test]
 fn an_upload_sends_nothing_that_would_be_executed() {
     const UPLOAD: Frame<'static> = Frame { opening: &["M28 A.GCO"], closing: &["M29"], is_upload: true };
@@ -194,8 +196,8 @@ fn a_start_before_the_first_answer_is_no_reset() {
     assert_eq!(outcome.unwrap(), done(0));
 }
 
-/// The answer to the half line of an earlier host comes before the first of our own. A host that took it for the answer to M110 would be
-/// one ahead: done before the printer is.
+/// The answer to the half line of an earlier host comes before the first of our own. A host that
+/// took it for the answer to M110 would be one ahead: done before the printer is.
 #[test]
 fn an_answer_to_an_earlier_host_is_not_taken_for_ours() {
     let mut port =
@@ -206,8 +208,8 @@ fn an_answer_to_an_earlier_host_is_not_taken_for_ours() {
     assert_eq!((outcome.unwrap().sent, port.unheard()), (1, 0));
 }
 
-/// A printer that is only slow answers a line as often as it was sent. A host that took the second answer for that to the next line
-/// would be done before the printer is.
+/// A printer that is only slow answers a line as often as it was sent. A host that took the second
+/// answer for that to the next line would be done before the printer is.
 #[test]
 fn a_slow_printer_is_waited_for_to_its_last_answer() {
     let mut port = printer(|line, times| match (line.starts_with("N1 G28"), times) {
@@ -279,7 +281,8 @@ impl Watch for Between {
     }
 }
 
-/// M601 has its `ok` when the pause ends, and M108, which ends it, has its own: the host is not one ahead after that.
+/// M601 has its `ok` when the pause ends, and M108, which ends it, has its own: the host is not one
+/// ahead after that.
 #[test]
 fn a_person_pauses_between_two_lines_and_goes_on() {
     let answer = |line: &str, _: usize| match line.split(['*', ' ']).nth(1) {
@@ -296,8 +299,8 @@ fn a_person_pauses_between_two_lines_and_goes_on() {
     assert_eq!(sent(port.heard), ["N1 M105", "N2 M601", "M108", "N3 G28", "N4 G1 X5", "N5 M400"]);
 }
 
-/// A host that the printer has asked to hold its job (`//action:pause`) continues by itself: no line waits in the
-/// printer.
+/// A host that the printer has asked to hold its job (`//action:pause`) continues by itself: no
+/// line waits in the printer.
 #[test]
 fn a_job_that_its_host_holds_goes_on_without_m108() {
     let mut port = printer(|line, _| match line.split(' ').next() {

@@ -6,8 +6,8 @@ use super::*;
 
 const SECOND: u64 = TICKS_PER_SECOND as u64;
 
-/// Builds the accelerometer of a cartesian machine with 80, 80 and 400 steps/mm, or of one whose A and B are like its
-/// X and Y.
+/// Builds the accelerometer of a cartesian machine with 80, 80 and 400 steps/mm, or of one whose A
+/// and B are like its X and Y.
 fn accelerometer(kinematics: Kinematics) -> DeskAccelerometer {
     let geometry = Geometry { kinematics, ..ferrostep_profiles::load("cartesian").unwrap().geometry() };
     DeskAccelerometer::new(geometry, [Mode::new(50.0, 0.05).unwrap(), Mode::new(40.0, 0.05).unwrap()])
@@ -44,8 +44,8 @@ fn a_frame_at_rest_measures_gravity_and_noise() {
     }
 }
 
-/// A step of 12.5 um swings the mass with (2 pi 50 Hz)^2 12.5 um = 1234 mm/s^2 = 0.126 g; a step of one CoreXY motor
-/// swings both axes.
+/// A step of 12.5 um swings the mass with (2 pi 50 Hz)^2 12.5 um = 1234 mm/s^2 = 0.126 g; a step of
+/// one CoreXY motor swings both axes.
 #[test]
 fn a_step_swings_the_axes_that_it_moves() {
     for (kinematics, expected) in [(Kinematics::Cartesian, [125_800, 0]), (Kinematics::CoreXy, [62_900, 40_300])] {
