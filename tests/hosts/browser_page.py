@@ -10,7 +10,7 @@ import json
 import sys
 from pathlib import Path
 
-from pages import READING, launched
+from pages import launched, opened
 from playwright.sync_api import sync_playwright
 
 DROP = """async ([name, base64]) => {
@@ -23,23 +23,8 @@ DROP = """async ([name, base64]) => {
 }"""
 
 
-def opened(browser, file, seen, **how):
-    """The page, whose complaints and requests go into what is seen."""
-    page = browser.new_page(**how)
-    page.set_default_timeout(60_000)
-    page.on(
-        "console",
-        lambda said: seen["errors"].append(said.text)
-        if said.type in ("error", "warning") and READING not in said.text
-        else None,
-    )
-    page.on("pageerror", lambda error: seen["errors"].append(str(error)))
-    page.on(
-        "request",
-        lambda asked: None if asked.url.startswith(("file:", "data:", "blob:")) else seen["requests"].append(asked.url),
-    )
-    page.goto(f"file://{file}")
-    return page
+# What the page may ask for: itself, and what it makes.
+LOCAL = ("file:", "data:", "blob:")
 
 
 def outcome(page):
@@ -72,7 +57,7 @@ def main():
     seen = {"errors": [], "requests": []}
     with sync_playwright() as playwright:
         browser = launched(playwright, browser_path)
-        page = opened(browser, file, seen, viewport={"width": 390, "height": 844}, accept_downloads=True)
+        page = opened(browser, file, seen, local=LOCAL, viewport={"width": 390, "height": 844}, accept_downloads=True)
         page.set_input_files("#job", folder / "job.gcode")
         seen["chosen"] = outcome(page)
         with page.expect_download() as download:

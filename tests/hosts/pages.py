@@ -49,8 +49,8 @@ def launched(playwright, browser_path):
     return playwright.chromium.launch(executable_path=browser_path, args=arguments)
 
 
-def opened(browser, file, seen, mark="", **how):
-    """A page of a file, whose complaints and requests go into what is seen."""
+def opened(browser, file, seen, mark="", local=("file:", "data:"), **how):
+    """A page of a file, whose complaints and requests go into what is seen, but for requests of these kinds."""
     page = browser.new_page(**how)
     page.set_default_timeout(120_000)
     page.on(
@@ -62,7 +62,7 @@ def opened(browser, file, seen, mark="", **how):
     page.on("pageerror", lambda error: seen["errors"].append(str(error)))
     page.on(
         "request",
-        lambda asked: None if asked.url.startswith(("file:", "data:")) else seen["requests"].append(asked.url),
+        lambda asked: None if asked.url.startswith(local) else seen["requests"].append(asked.url),
     )
     page.goto(f"file://{file}{mark}")
     return page
