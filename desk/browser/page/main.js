@@ -59,7 +59,7 @@ function list(lines) {
   });
 }
 
-// What a configuration gave, first what is missing in it.
+// Lists the settings that a configuration gave, and first those that it lacks.
 function machine(kept) {
   const missing = kept.by_permission.map((key) => `The configuration does not say ${key}: the built-in profile's value stands in.`);
   const unread = kept.unread.map((file) => `Not read: ${file}`);
