@@ -61,6 +61,8 @@ enum Step {
     Enter(ShortPath, LongPath),
     /// The folder has ended.
     End,
+    /// The list has its largest number of files.
+    Limit,
 }
 
 impl Cursor {
@@ -157,10 +159,11 @@ pub fn fill_page<S: CardSlot>(
         let used = before.saturating_sub(manager.device(|guard| guard.budget()));
         cursor.blocks = cursor.blocks.saturating_add(used);
         let step = step?;
-        if cursor.files >= MAX_FILES || cursor.blocks >= MAX_BLOCKS {
+        if cursor.blocks >= MAX_BLOCKS {
             return Ok(false);
         }
         match step {
+            Step::Limit => return Ok(false),
             Step::Full => return Ok(true),
             Step::Enter(short, long) if depth < MAX_DEPTH => {
                 (cursor.short, cursor.long) = (short, long);
@@ -216,7 +219,11 @@ fn look<S: CardSlot>(
             }
         }
         *passed = at;
-        if *files >= MAX_FILES { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if *files >= MAX_FILES {
+            step = Step::Limit;
+            return ControlFlow::Break(());
+        }
+        ControlFlow::Continue(())
     });
     close(manager, folder);
     walked?;
