@@ -50,11 +50,12 @@ impl Schema {
     }
 
     /// A Markdown table: key (● after it: [bound](Key::is_bound)), unit, right values, default, and
-    /// meaning. Tables of the same keys share their lines.
-    pub fn markdown(&self) -> String {
+    /// meaning. Tables of the same keys share their lines, where one follows the other. The first
+    /// table of a pair in `alike` has one line, which refers to the second.
+    pub fn markdown(&self, alike: &[(&str, &str)]) -> String {
         let mut text = "| key | unit | value | if left out | meaning |\n|---|---|---|---|---|\n".to_owned();
         for row in rows(&self.keys.iter().collect::<Vec<_>>(), "", 0) {
-            row.write(&mut text);
+            row.write(&mut text, alike);
         }
         text
     }
@@ -95,8 +96,10 @@ impl<'a> Row<'a> {
         }
     }
 
-    fn write(&self, text: &mut String) {
+    fn write(&self, text: &mut String, alike: &[(&str, &str)]) {
         let Some(first) = self.same.first() else { return };
+        let other = alike.iter().find(|(table, _)| *table == first.path).map(|(_, other)| other);
+        let keys_as = other.map_or_else(String::new, |other| format!("keys as in `{other}`; "));
         let dashes = "– ".repeat(self.depth);
         let mut names: Vec<String> = Vec::new();
         for name in self.same.iter().map(|key| format!("`{}`", key.name)) {
@@ -112,14 +115,16 @@ impl<'a> Row<'a> {
         let is_bound = cell(|key| if key.is_bound && !key.is_section { " ●".to_owned() } else { String::new() });
         let _ = writeln!(
             text,
-            "| {dashes}{name}{}{is_bound} | {} | {} | {} | {} |",
+            "| {dashes}{name}{}{is_bound} | {} | {} | {} | {keys_as}{} |",
             if first.is_section { ":" } else { "" },
             cell(|key| book_unit(key.unit)),
             cell(|key| key.allowed.clone()),
             cell(|key| key.absent.clone()),
             cell(|key| key.about.to_owned()),
         );
-        self.inner.iter().for_each(|row| row.write(text));
+        if other.is_none() {
+            self.inner.iter().for_each(|row| row.write(text, alike));
+        }
     }
 
     /// The text that all rows share, or each row's text.

@@ -205,7 +205,8 @@ fn row_of(name: &str, outcomes: &[String; TIMES.len()]) -> String {
     }
     groups.sort_by_key(|(_, times)| times.len());
     let usual = groups.pop().map_or("", |(outcome, _)| outcome.as_str());
-    let others: String = groups.iter().map(|(outcome, times)| format!("*{}*: {outcome}<br>", times.join(", "))).collect();
+    let others: String =
+        groups.iter().map(|(outcome, times)| format!("*{}*: {outcome}<br>", times.join(", "))).collect();
     let otherwise = if others.is_empty() { "" } else { "*otherwise*: " };
     format!("| {name} | {others}{otherwise}{usual} |\n")
 }
