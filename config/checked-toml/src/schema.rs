@@ -50,25 +50,26 @@ impl Schema {
     }
 
     /// A Markdown table: key (● after it: [bound](Key::is_bound)), unit, right values, default, and
-    /// meaning. Tables of the same keys share their lines.
-    pub fn markdown(&self) -> String {
+    /// meaning. Tables of the same keys, and values with the same texts, share their lines where one
+    /// follows the other. The first table of a pair in `alike` has one line, which refers to the
+    /// second.
+    pub fn markdown(&self, alike: &[(&str, &str)]) -> String {
         let mut text = "| key | unit | value | if left out | meaning |\n|---|---|---|---|---|\n".to_owned();
         for row in rows(&self.keys.iter().collect::<Vec<_>>(), "", 0) {
-            row.write(&mut text);
+            row.write(&mut text, alike);
         }
         text
     }
 }
 
-/// The keys of one table, those of equal tables merged.
+/// The keys of one table; those of equal tables are merged, and keys with the same texts.
 fn rows<'a>(keys: &[&'a Key], table: &str, depth: usize) -> Vec<Row<'a>> {
     let parent = |key: &Key| key.path.rsplit_once('.').map_or("", |(parent, _)| parent).to_owned();
     let mut rows: Vec<Row<'a>> = Vec::new();
     for key in keys.iter().filter(|key| parent(key) == table) {
         let inner = self::rows(keys, &key.path, depth + 1);
         match rows.last_mut() {
-            // A table of the same keys as the one before.
-            Some(before) if !inner.is_empty() && paths(&before.inner) == paths(&inner) => before.merge(key, inner),
+            Some(before) if before.is_shared_by(key, &inner) => before.merge(key, inner),
             _ => rows.push(Row { same: vec![key], depth, inner }),
         }
     }
@@ -77,10 +78,31 @@ fn rows<'a>(keys: &[&'a Key], table: &str, depth: usize) -> Vec<Row<'a>> {
 
 /// Names of all keys, those of tables within included.
 fn paths(rows: &[Row<'_>]) -> Vec<&'static str> {
-    rows.iter().flat_map(|row| row.same.first().map(|key| key.name).into_iter().chain(paths(&row.inner))).collect()
+    rows.iter().flat_map(|row| row.names().into_iter().chain(paths(&row.inner))).collect()
 }
 
 impl<'a> Row<'a> {
+    /// True for a table of the same keys as the one before, and a value with the same texts.
+    fn is_shared_by(&self, key: &Key, inner: &[Row<'_>]) -> bool {
+        if !inner.is_empty() {
+            return paths(&self.inner) == paths(inner);
+        }
+        let texts = |key: &Key| (key.unit, key.allowed.clone(), key.absent.clone(), key.about, key.is_bound);
+        let last = self.same.last().filter(|last| last.names.is_empty() && key.names.is_empty());
+        self.inner.is_empty() && last.is_some_and(|last| texts(last) == texts(key))
+    }
+
+    /// Names of the keys, each once.
+    fn names(&self) -> Vec<&'static str> {
+        let mut names = Vec::new();
+        for key in &self.same {
+            if !names.contains(&key.name) {
+                names.push(key.name);
+            }
+        }
+        names
+    }
+
     fn merge(&mut self, key: &'a Key, inner: Vec<Row<'a>>) {
         self.same.push(key);
         for (mine, other) in self.inner.iter_mut().zip(inner) {
@@ -95,16 +117,12 @@ impl<'a> Row<'a> {
         }
     }
 
-    fn write(&self, text: &mut String) {
+    fn write(&self, text: &mut String, alike: &[(&str, &str)]) {
         let Some(first) = self.same.first() else { return };
+        let other = alike.iter().find(|(table, _)| *table == first.path).map(|(_, other)| other);
+        let keys_as = other.map_or_else(String::new, |other| format!("keys as in `{other}`; "));
         let dashes = "– ".repeat(self.depth);
-        let mut names: Vec<String> = Vec::new();
-        for name in self.same.iter().map(|key| format!("`{}`", key.name)) {
-            if !names.contains(&name) {
-                names.push(name);
-            }
-        }
-        let mut name = names.join(", ");
+        let mut name = self.names().iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
         if !first.names.is_empty() {
             let _ = write!(name, " `{}`", first.names.join(" "));
         }
@@ -112,14 +130,16 @@ impl<'a> Row<'a> {
         let is_bound = cell(|key| if key.is_bound && !key.is_section { " ●".to_owned() } else { String::new() });
         let _ = writeln!(
             text,
-            "| {dashes}{name}{}{is_bound} | {} | {} | {} | {} |",
+            "| {dashes}{name}{}{is_bound} | {} | {} | {} | {keys_as}{} |",
             if first.is_section { ":" } else { "" },
             cell(|key| book_unit(key.unit)),
             cell(|key| key.allowed.clone()),
             cell(|key| key.absent.clone()),
             cell(|key| key.about.to_owned()),
         );
-        self.inner.iter().for_each(|row| row.write(text));
+        if other.is_none() {
+            self.inner.iter().for_each(|row| row.write(text, alike));
+        }
     }
 
     /// The text that all rows share, or each row's text.
@@ -135,6 +155,7 @@ impl<'a> Row<'a> {
         for (path, value) in paths.iter().zip(all).filter(|(_, value)| !value.is_empty()) {
             let table = path.get(differing).copied().unwrap_or_default();
             match groups.iter_mut().find(|(_, other)| *other == value) {
+                Some((tables, _)) if tables.contains(&table) => {}
                 Some((tables, _)) => tables.push(table),
                 None => groups.push((vec![table], value)),
             }

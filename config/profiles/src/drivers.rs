@@ -88,7 +88,7 @@ pub(crate) fn drivers(keys: &Section<'_>, steps_per_mm: [f64; 4], both_edges: bo
 
 /// The driver of a further extruder's motor, in that extruder's table.
 pub(crate) fn driver(keys: &Section<'_>, motor: &str, steps_per_mm: f64, both_edges: bool) -> Option<DriverSettings> {
-    let table = keys.optional_section("driver", "not set", "the driver of its motor, as in `[drivers.e]`")?;
+    let table = keys.optional_section("driver", "not set", "the driver of its motor")?;
     Some(settings(&table, motor, steps_per_mm, both_edges))
 }
 

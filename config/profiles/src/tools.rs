@@ -134,7 +134,7 @@ fn heater(table: &Section<'_>, first: &First<'_>) -> Option<ToolHeater> {
     let thermistor = table
         .word("thermistor", SpareConnector::THERMISTORS.map(named))
         .optional("that of `heater`", "the board's input for its thermistor");
-    let about = "with `heater`: its keys are those of `[nozzle]`";
+    let about = "with `heater`; what is left out is as there, but for `max_target_celsius` and `control_model`";
     let settings =
         table.optional_section("nozzle", "as T0's", about).map(|keys| heaters::further_nozzle(&keys, first.nozzle));
     let Some(heater) = heater else {

@@ -1,7 +1,7 @@
 //! The command's answer to each kind of bad input, word for word: the book's page of refusals, and
-//! beside the tests' data that of lines of G-code.
+//! beside the tests' data those of lines of G-code and of profiles.
 //!
-//! Both are compared with the present answers. `FERROSTEP_REFRESH=1` writes them anew; the
+//! All are compared with the present answers. `FERROSTEP_REFRESH=1` writes them anew; the
 //! difference then shows whether a refusal lost its place, its figures or its cure.
 
 use std::fmt::Write as _;
@@ -12,6 +12,7 @@ use crate::end_to_end::papers::REFRESH_VARIABLE;
 
 const PAGE: &str = "docs/src/refusals.md";
 const LINES_PAGE: &str = "tests/data/refused-lines.md";
+const PROFILES_PAGE: &str = "tests/data/refused-profiles.md";
 
 const HEAD: &str = "# Refusals
 
@@ -19,14 +20,20 @@ To see what a file or a profile is refused for:
 
     ferrostep print FILE --profile my-printer.toml
 
-This page has the answers to files, profiles and arguments; `tests/data/refused-lines.md` has those to lines of G-code, which a board
-sends over its line in the same words. A test compares both with the command, word for word.
+This page has the answers to files and arguments; `tests/data/refused-profiles.md` has those to profiles, and
+`tests/data/refused-lines.md` those to lines of G-code, which a board sends over its line in the same words. A test compares all with
+the command, word for word.
 ";
 
 const LINES_HEAD: &str = "# Refused lines of G-code
 
 What `ferrostep print` answers to a line; a board sends the same words over its line. A refused line has no effect: the moves before it
 are finished, and the job ends there.
+";
+
+const PROFILES_HEAD: &str = "# Refused profiles
+
+What `ferrostep print examples/cube.gcode --profile own.toml` answers to a profile with a fault.
 ";
 
 /// Lines of G-code that are refused after `G28`, a line of the page each; `\\n` separates lines,
@@ -344,7 +351,6 @@ fn arguments(page: &mut String) {
 #[test]
 fn the_page_of_refusals_is_current() {
     let mut page = HEAD.to_owned();
-    profiles(&mut page);
     prepared(&mut page);
     files(&mut page);
     arguments(&mut page);
@@ -356,6 +362,13 @@ fn the_refused_lines_are_current() {
     let mut page = LINES_HEAD.to_owned();
     lines(&mut page);
     assert_current(LINES_PAGE, &page);
+}
+
+#[test]
+fn the_refused_profiles_are_current() {
+    let mut page = PROFILES_HEAD.to_owned();
+    profiles(&mut page);
+    assert_current(PROFILES_PAGE, &page);
 }
 
 /// Writes the page where that is asked for, and compares the kept one with it.

@@ -6,13 +6,36 @@ use ferrostep_checked_toml::book;
 use ferrostep_printer::{AxisHoming, HomeEnd, HomeSensor, Profile};
 use ferrostep_profiles::{builtin_names, load, schema};
 
+/// Tables whose keys the book has under another table.
+const ALIKE: [(&str, &str); 5] = [
+    ("chamber.sensor", "nozzle.sensor"),
+    ("chamber.model", "nozzle.model"),
+    ("tools.t1.driver", "drivers.e"),
+    ("tools.t1.pressure_advance", "pressure_advance"),
+    ("tools.t1.nozzle", "nozzle"),
+];
+
 fn page() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/src/profiles.md")
 }
 
 #[test]
 fn the_table_of_keys_is_current() {
-    book::keep(&page(), "keys", &schema().markdown()).unwrap();
+    book::keep(&page(), "keys", &schema().markdown(&ALIKE)).unwrap();
+}
+
+#[test]
+fn tables_that_the_book_has_once_have_the_same_keys() {
+    let schema = schema();
+    let keys_of = |table: &str| -> Vec<(&str, &str, &str)> {
+        let within =
+            schema.keys().iter().filter_map(|key| Some((key, key.path.strip_prefix(table)?.strip_prefix('.')?)));
+        within.map(|(key, path)| (path, key.unit, key.allowed.as_str())).collect()
+    };
+    for (table, other) in ALIKE {
+        assert!(!keys_of(table).is_empty(), "{table}");
+        assert_eq!(keys_of(table), keys_of(other), "{table}");
+    }
 }
 
 #[test]
