@@ -65,6 +65,27 @@ fn a_list_is_that_of_mtools() {
 }
 
 #[test]
+fn a_list_ends_with_its_4096th_file() {
+    let mut image = std::io::Cursor::new(vec![0; 16 << 20]);
+    fatfs::format_volume(&mut image, fatfs::FormatVolumeOptions::new()).unwrap();
+    let volume = fatfs::FileSystem::new(&mut image, fatfs::FsOptions::new()).unwrap();
+    // The largest number is reached in the second folder, so the third and the root would follow.
+    for (folder, files) in [("A", 2048), ("B", 2048), ("C", 3)] {
+        let folder = volume.root_dir().create_dir(folder).unwrap();
+        for number in 0..files {
+            folder.create_file(&format!("{number:04}.G")).unwrap();
+        }
+    }
+    volume.root_dir().create_file("LAST.G").unwrap();
+    volume.unmount().unwrap();
+    let card = Card::new(VirtualCard::new(image.into_inner()));
+    assert_eq!(ask(&card, Request::Mount), Ok(Answer::Done));
+    let lines = list(&card, ListOptions::default()).unwrap();
+    assert_eq!(lines.len(), 4096);
+    assert_eq!(lines.last().unwrap(), "B/2047.G 0");
+}
+
+#[test]
 fn files_are_found_by_short_and_long_names_in_any_case() {
     for name in IMAGES {
         let card = mounted(name);
