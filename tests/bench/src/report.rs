@@ -28,24 +28,24 @@ pub struct WuLine {
     pub classic: LineCost,
     /// Classic Bresenham, runs of equal steps in one entry.
     pub classic_coalesced: LineCost,
-    /// Step Bresenham, an entry a stair: one division a line.
+    /// Step Bresenham, an entry a stair: a division a stair, as the interpolator does it.
     pub step: LineCost,
     /// The same without a division.
     pub step_first_stair: LineCost,
-    /// The same with a division a stair.
-    pub step_division: LineCost,
+    /// The same with one division a line.
+    pub step_quotient: LineCost,
 }
 
 impl WuLine {
     /// The ways and their names.
     fn ways(&self) -> [(&'static str, LineCost); 5] {
-        let Self { classic, classic_coalesced, step, step_first_stair, step_division, .. } = *self;
+        let Self { classic, classic_coalesced, step, step_first_stair, step_quotient, .. } = *self;
         [
             ("classic", classic),
             ("classic_coalesced", classic_coalesced),
             ("step", step),
             ("step_first_stair", step_first_stair),
-            ("step_division", step_division),
+            ("step_quotient", step_quotient),
         ]
     }
 }

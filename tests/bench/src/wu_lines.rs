@@ -51,7 +51,7 @@ pub fn measure(counter: &Counter, queues: &mut LineQueues, lines: &mut Lines) ->
             dy,
             classic: cost(classic)?,
             classic_coalesced: cost(classic_coalesced)?,
-            step: cost(step::<_, FromQuotient<Told>>)?,
+            step: cost(step::<_, FromDivision>)?,
         };
         lines.slopes.push(line).map_err(|_| "too many lines")?;
     }
@@ -70,9 +70,9 @@ fn wu_lines<M: Stepping>(
             name,
             classic: cost(classic)?,
             classic_coalesced: cost(classic_coalesced)?,
-            step: cost(step::<_, FromQuotient<Told>>)?,
+            step: cost(step::<_, FromDivision>)?,
             step_first_stair: cost(step::<_, FromFirstStair<Told>>)?,
-            step_division: cost(step::<_, FromDivision>)?,
+            step_quotient: cost(step::<_, FromQuotient<Told>>)?,
         };
         lines.push(line).map_err(|_| "too many lines")?;
     }

@@ -24,6 +24,9 @@ const KINDS: [&str; 2] = ["bresenham", "bresenham_pulses"];
 /// The methods that draw lines of every slope.
 const WAYS: [&str; 3] = ["classic", "classic_coalesced", "step"];
 
+/// The steepest of these lines that the book shows: those above mirror those below.
+const MOST_SHOWN_DY: f64 = 55.0;
+
 /// Takes the lines' entries and decisions out of the workload and puts them beside the
 /// lines' instructions.
 pub fn join(target: &mut Value, workload: &mut Value) -> Result<(), Failure> {
@@ -111,7 +114,7 @@ fn rules(out: &mut String, figures: &Value) -> std::fmt::Result {
     writeln!(
         out,
         "The rules for a stair's width, and the decision values that each compares with zero \
-         (`target.bresenham.*.decisions`).\nFrom the quotient is what the column *step* above has. Drivers that step at both edges.\n"
+         (`target.bresenham.*.decisions`).\nA division a stair is what the column *step* above has, and the firmware. Drivers that step at both edges.\n"
     )?;
     writeln!(
         out,
@@ -121,8 +124,8 @@ fn rules(out: &mut String, figures: &Value) -> std::fmt::Result {
     writeln!(out, "|---|---|---|---|---|---|---|")?;
     for (line, key, _) in WU_LINES {
         let count = |key_in_line: &str| shown(number(figures, &format!("target.bresenham.{key}.{key_in_line}")));
-        let decisions = ["classic", "step_first_stair", "step"].map(|way| count(&format!("decisions.{way}")));
-        let instructions = ["step_first_stair", "step", "step_division"].map(count);
+        let decisions = ["classic", "step_first_stair", "step_quotient"].map(|way| count(&format!("decisions.{way}")));
+        let instructions = ["step_first_stair", "step_quotient", "step"].map(count);
         writeln!(out, "| {line} | {} | {} |", decisions.join(" | "), instructions.join(" | "))?;
     }
     writeln!(out)
@@ -132,19 +135,24 @@ fn slopes(out: &mut String, figures: &Value) -> std::fmt::Result {
     writeln!(
         out,
         "Lines of every slope, from (0, 0) to (100, dy), the same three ways (`target.bresenham_slopes`), for drivers \
-         that step at\nboth edges: instructions / entries / decisions. Above 1/2 step Bresenham's stairs are the complement's.\n"
+         that step at\nboth edges: instructions / entries. Above 1/2 step Bresenham's stairs are the complement's: counts mirror those \
+         below.\n"
     )?;
     writeln!(out, "| dy | classic, an entry a step | classic, equal steps in one entry | step | coalesced to step |")?;
     writeln!(out, "|---|---|---|---|---|")?;
     let lines = figures.pointer("/target/bresenham_slopes").and_then(Value::as_array);
     for line in lines.into_iter().flatten() {
+        let dy = number(line, "dy");
+        if dy.is_some_and(|dy| dy > MOST_SHOWN_DY) {
+            continue;
+        }
         let counts = WAYS.map(|way| {
-            ["instructions", "entries", "decisions"]
+            ["instructions", "entries"]
                 .map(|count| shown(number(line, &format!("{way}.{count}"))))
                 .join(" / ")
         });
         let [coalesced, step] = [WAYS[1], WAYS[2]].map(|way| number(line, &format!("{way}.instructions")));
-        writeln!(out, "| {} | {} | {} |", shown(number(line, "dy")), counts.join(" | "), ratio(coalesced, step))?;
+        writeln!(out, "| {} | {} | {} |", shown(dy), counts.join(" | "), ratio(coalesced, step))?;
     }
     writeln!(out)
 }
@@ -184,7 +192,7 @@ mod tests {
         );
         let mut out = String::new();
         tables(&mut out, &json!({"target": target})).unwrap();
-        assert!(out.contains("| 7 | 200 / 8 / 7 | 200 / 8 / 7 | 200 / 8 / 7 | 1.00 |"), "{out}");
+        assert!(out.contains("| 7 | 200 / 8 | 200 / 8 | 200 / 8 | 1.00 |"), "{out}");
         for cost in [300, 400] {
             let row = format!("| y = x/3, (30, 10) | {cost} | {cost} | {cost} | 1.00 | 1.00 | 1.23 |");
             assert!(out.contains(&row), "{out}");
