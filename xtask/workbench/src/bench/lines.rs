@@ -147,9 +147,7 @@ fn slopes(out: &mut String, figures: &Value) -> std::fmt::Result {
             continue;
         }
         let counts = WAYS.map(|way| {
-            ["instructions", "entries"]
-                .map(|count| shown(number(line, &format!("{way}.{count}"))))
-                .join(" / ")
+            ["instructions", "entries"].map(|count| shown(number(line, &format!("{way}.{count}")))).join(" / ")
         });
         let [coalesced, step] = [WAYS[1], WAYS[2]].map(|way| number(line, &format!("{way}.instructions")));
         writeln!(out, "| {} | {} | {} |", shown(dy), counts.join(" | "), ratio(coalesced, step))?;
