@@ -38,12 +38,8 @@ enum Task {
     /// Install the hosts that tests print with (OctoPrint, printcore) into a Python environment;
     /// its folder is the first line of the output
     Hosts,
-    /// Check how comments and pages are worded: the known faults of each file may only become fewer
-    Prose {
-        /// Keeps the present counts where they have fallen
-        #[arg(long)]
-        save: bool,
-    },
+    /// Check how comments and pages are worded
+    Prose,
     /// Make small mistakes in the code, one at a time, and list those that no test notices
     Mutants(mutants::Options),
 }
@@ -76,9 +72,7 @@ fn main() -> ExitCode {
         Task::Test(options) => in_steps("test", &|run| check::test(run, &options)),
         Task::Ci { save_costs } => in_steps("ci", &|run| check::everything(run, save_costs)),
         Task::Tools => in_steps("tools", &|run| tools::install(run).map(|_| ())),
-        Task::Prose { save } => {
-            in_steps("prose", &|run| run.step("wording", if save { prose::save } else { prose::check }))
-        }
+        Task::Prose => in_steps("prose", &|run| run.step("wording", prose::check)),
         Task::Hosts => in_steps("hosts", &|run| hosts::install(run).map(|folder| println!("{}", folder.display()))),
         Task::Mutants(options) => in_steps("mutants", &|run| mutants::run(run, &options)),
         Task::Share => {

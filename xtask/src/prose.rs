@@ -1,21 +1,15 @@
-//! Lint of the wording of comments and pages: the count of each file's known faults may only fall.
+//! Lint of the wording of comments and pages.
 //!
 //! A line of a comment has at most [`WIDTH`] columns, but for a row of a table.
 //! A doc comment begins with a noun phrase or a verb that says what the item is or does, not with
 //! the fragment of a question ([`OPENERS`]), and neither comments nor pages have the turns of
 //! phrase in [`TICS`].
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use serde_json::json;
-
 use crate::steps::Failure;
 use crate::system;
-
-/// Known faults by file, from the root.
-const KNOWN: &str = "xtask/prose.json";
 
 /// Widest line of a comment, columns.
 const WIDTH: usize = 100;
@@ -41,52 +35,18 @@ const TICS: [(&str, &str); 11] = [
 /// A fault: its line, counted from 1, and what is wrong with it.
 type Fault = (usize, String);
 
-/// Faults by file, from the root.
-type Counts = BTreeMap<String, usize>;
-
-/// Compares each file's faults with the known ones.
+/// Looks through all comments and pages.
 ///
 /// # Errors
-/// A file has more of them; all of its faults are in the error, by line.
+/// Some have faults; each is in the error, by file and line.
 pub fn check() -> Result<(), Failure> {
-    let known = known()?;
-    let grown: Vec<Failure> = files()?
-        .iter()
-        .filter_map(|file| {
-            let faults = faults_of(file).ok()?;
-            let most = known.get(file).copied().unwrap_or(0);
-            (faults.len() > most).then(|| {
-                let lines = faults.iter().map(|(line, fault)| format!("{file}:{line}: {fault}\n"));
-                format!("{}{file}: {} faults of wording, {most} before\n", lines.collect::<String>(), faults.len())
-            })
-        })
-        .collect();
-    if grown.is_empty() { Ok(()) } else { Err(grown.concat()) }
-}
-
-/// Keeps the present counts where they have fallen; a file that is not known keeps its own.
-///
-/// # Errors
-/// The list cannot be read or written.
-pub fn save() -> Result<(), Failure> {
-    let known = known()?;
-    let mut counts = Counts::new();
+    let mut faults = Failure::new();
     for file in files()? {
-        let count = faults_of(&file)?.len();
-        let least = known.get(&file).map_or(count, |most| count.min(*most));
-        if least > 0 {
-            counts.insert(file, least);
+        for (line, fault) in faults_of(&file)? {
+            faults += &format!("{file}:{line}: {fault}\n");
         }
     }
-    let text = serde_json::to_string_pretty(&json!(counts)).map_err(|error| error.to_string())?;
-    eprintln!("{} faults of wording in {} files", counts.values().sum::<usize>(), counts.len());
-    std::fs::write(system::root().join(KNOWN), text + "\n").map_err(|error| format!("{KNOWN}: {error}"))
-}
-
-fn known() -> Result<Counts, Failure> {
-    let text = std::fs::read_to_string(system::root().join(KNOWN))
-        .map_err(|error| format!("{KNOWN}: {error}: `cargo xtask prose --save` writes it"))?;
-    serde_json::from_str(&text).map_err(|error| format!("{KNOWN}: {error}"))
+    if faults.is_empty() { Ok(()) } else { Err(faults) }
 }
 
 /// Sources and pages that git knows, from the root.
@@ -155,7 +115,9 @@ fn opener(text: &str) -> Option<&'static str> {
 }
 
 fn tics(text: &str) -> impl Iterator<Item = String> {
-    let found = TICS.iter().filter(move |(tic, _)| text.contains(tic));
+    // Names and quoted output stand between grave accents.
+    let prose: Vec<&str> = text.split('`').step_by(2).collect();
+    let found = TICS.iter().filter(move |(tic, _)| prose.iter().any(|part| part.contains(tic)));
     found.map(|(tic, instead)| format!("\"{tic}\": {instead}"))
 }
 
@@ -177,6 +139,7 @@ mod tests {
     fn a_tic_is_found_in_comments_and_pages_but_not_in_code() {
         assert_eq!(faults_of_source("// There is none.\nlet text = \"is none\";\n", "//").len(), 1);
         assert_eq!(faults_of_page("It goes on.\n\n    it goes on\n\n```\ngoes on\n```\n").len(), 1);
+        assert!(faults_of_page("It says `nobody read`, and a test is `that_nobody_reads`.\n").is_empty());
     }
 
     #[test]
@@ -192,12 +155,5 @@ mod tests {
     fn each_file_is_read_by_its_mark() {
         let names = ["a.rs", "a.js", "a.toml", "a.py", "a.md"];
         assert_eq!(names.map(comment_mark), [Some("//"), Some("//"), Some("#"), Some("#"), None]);
-    }
-
-    #[test]
-    fn every_known_file_exists() {
-        let files = files().unwrap();
-        let gone: Vec<String> = known().unwrap().into_keys().filter(|file| !files.contains(file)).collect();
-        assert!(gone.is_empty(), "`cargo xtask prose --save` forgets them: {gone:?}");
     }
 }

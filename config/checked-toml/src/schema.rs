@@ -50,9 +50,10 @@ impl Schema {
     }
 
     /// A Markdown table: key (● after it: [bound](Key::is_bound)), unit, right values, default, and
-    /// meaning. Tables of the same keys, and values with the same texts, share their lines where one
-    /// follows the other. The first table of a pair in `alike` has one line, which refers to the
-    /// second.
+    /// meaning.
+    ///
+    /// Tables of the same keys, and values with the same texts, share their lines where one follows
+    /// the other. The first table of a pair in `alike` has one line, which refers to the second.
     pub fn markdown(&self, alike: &[(&str, &str)]) -> String {
         let mut text = "| key | unit | value | if left out | meaning |\n|---|---|---|---|---|\n".to_owned();
         for row in rows(&self.keys.iter().collect::<Vec<_>>(), "", 0) {

@@ -107,7 +107,7 @@ fn fan(name: &'static str, keys: &Section<'_>) -> (Option<FanOutput>, FanSetting
         .optional("0 for `part`, else none", "P of M106 and M107, of a fan that turns by command")
         .map(|number| number as u8);
     let power = keys.number("power", POWER).or(1.0, "power of a controller's fan");
-    let idle_s = keys.number("idle_s", IDLE).or(60.0, "for how long a controller's fan goes on");
+    let idle_s = keys.number("idle_s", IDLE).or(60.0, "for how long a controller's fan runs after the motors");
     let settings = FanSettings {
         name,
         rule: match turns {

@@ -130,7 +130,7 @@ fn heater(table: &Section<'_>, first: &First<'_>) -> Option<ToolHeater> {
     let named = |connector: SpareConnector| (connector.name(), connector);
     let heater = table
         .word("heater", SpareConnector::HEATERS.map(named))
-        .optional("it shares T0's nozzle", "the board's output for the heater of its own nozzle");
+        .optional("it shares T0's nozzle", "the board's output for the heater of a separate nozzle");
     let thermistor = table
         .word("thermistor", SpareConnector::THERMISTORS.map(named))
         .optional("that of `heater`", "the board's input for its thermistor");

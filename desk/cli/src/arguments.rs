@@ -84,8 +84,8 @@ pub enum Command {
         job: JobArguments,
         #[command(flatten)]
         macros: MacroArgument,
-        /// How many blocks the planner sees ahead [default: 128, as on the board; 65536 for
-        /// a prepared job].
+        /// Number of blocks that the planner sees ahead [default: 128, as on the board; 65536
+        /// for a prepared job].
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1_048_576))]
         look_ahead: Option<u32>,
         /// Starts a prepared job in its middle, at frame N, as after a power cut: heats, assumes
@@ -116,7 +116,7 @@ pub enum Command {
         /// The file to write.
         #[arg(short, value_name = "OUT.gpre")]
         out: PathBuf,
-        /// How the job is encoded.
+        /// The job's encoding.
         #[arg(long, value_enum, default_value_t = Format::Compact)]
         format: Format,
     },
@@ -186,7 +186,7 @@ pub enum Command {
     Simulate(Box<SimulateArguments>),
     /// Turns measurements of a printer into keys of its profile.
     Calibrate {
-        /// What is measured.
+        /// The measurement.
         #[command(subcommand)]
         calibration: Calibration,
     },

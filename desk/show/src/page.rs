@@ -184,7 +184,7 @@ fn columns(recording: &Recording) -> Columns {
 }
 
 /// The sources of a page's program and styles, as a content security policy names them: a page
-/// that shows this one in a frame has to allow them, too.
+/// that shows this one in a frame also has to allow them.
 #[derive(Clone, Debug)]
 pub struct Sources {
     /// The program's.

@@ -33,7 +33,7 @@ fn print(name: &str) -> Extrusion {
 #[test]
 fn an_extruder_slaved_to_the_master_is_farther_from_lambda_s() {
     let mut table =
-        "| file | blocks | extruder steps | by times of its own: farthest off, steps | mean | with the leading \
+        "| file | blocks | extruder steps | by separate times: farthest off, steps | mean | with the leading \
                      motor: farthest off, steps | mean |\n|---|---|---|---|---|---|---|\n"
             .to_owned();
     for (name, least_blocks) in [("cube.gcode", 3_000), ("gyroid.gcode.gz", 50_000)] {

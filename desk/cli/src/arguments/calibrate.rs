@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Subcommand;
 
-/// What `calibrate` measures.
+/// A measurement of `calibrate`.
 #[derive(Subcommand)]
 pub enum Calibration {
     /// The frequency of the frame and the input shaper for it: from a record of an accelerometer,
@@ -17,7 +17,7 @@ pub enum Calibration {
     /// Flow: writes a tube with one wall to print, and turns the thickness of its walls, and the
     /// height up to which it is whole, into keys.
     Flow(CalibrateFlowArguments),
-    /// What the motors can: writes moves of rising acceleration or speed with marks between them,
+    /// The motors' limits: writes moves of rising acceleration or speed with marks between them,
     /// and turns the number of the last one without lost steps into keys.
     Speed(CalibrateSpeedArguments),
 }
@@ -31,13 +31,13 @@ pub struct CalibrateShaperArguments {
     /// The axis that was shaken.
     #[arg(long, value_enum, default_value_t = ShakenAxis::X)]
     pub axis: ShakenAxis,
-    /// How many waves were counted on a print.
+    /// Number of waves counted on a print.
     #[arg(long, value_name = "NUMBER")]
     pub waves: Option<f64>,
-    /// Over which length, mm.
+    /// The length that they take, mm.
     #[arg(long, value_name = "MM")]
     pub over_mm: Option<f64>,
-    /// How well the length was read, mm.
+    /// Uncertainty of that length, mm.
     #[arg(long, value_name = "MM", default_value_t = 0.3)]
     pub reading_mm: f64,
     /// The speed of the nozzle there, mm/s.
@@ -66,10 +66,10 @@ pub struct CalibrateAdvanceArguments {
     /// K of the first line, s.
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
     pub from: f64,
-    /// How much more each line has, s.
+    /// Difference of K from line to line, s.
     #[arg(long, value_name = "SECONDS", default_value_t = 0.005)]
     pub step: f64,
-    /// How many lines.
+    /// Number of lines.
     #[arg(long, value_name = "N", default_value_t = 21, value_parser = clap::value_parser!(u16).range(1..=200))]
     pub lines: u16,
     /// Speed at the ends of a line, mm/s.
@@ -113,10 +113,10 @@ pub struct CalibrateFlowArguments {
     /// Flow of the lowest part, mm^3/s.
     #[arg(long, value_name = "MM3_PER_S", default_value_t = 4.0)]
     pub from: f64,
-    /// How much more each band has.
+    /// Difference of flow from band to band, mm^3/s.
     #[arg(long, value_name = "MM3_PER_S", default_value_t = 1.0)]
     pub step: f64,
-    /// How many bands.
+    /// Number of bands.
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u16).range(1..=200))]
     pub bands: u16,
     /// Power of the fan above the first layers, %.
@@ -136,7 +136,7 @@ pub struct CalibrateSpeedArguments {
     /// profile are printed.
     #[arg(long, value_name = "STAGE")]
     pub good: Option<u16>,
-    /// What rises from stage to stage.
+    /// The limit that rises from stage to stage.
     #[arg(long, value_enum, default_value_t = TriedArgument::Acceleration)]
     pub of: TriedArgument,
     /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
@@ -145,20 +145,20 @@ pub struct CalibrateSpeedArguments {
     /// The first stage's acceleration, mm/s^2, or speed, mm/s [default: 1000 or 100].
     #[arg(long, value_name = "VALUE")]
     pub from: Option<f64>,
-    /// How much more each stage has [default: 1000 or 50].
+    /// Difference from stage to stage [default: 1000 or 50].
     #[arg(long, value_name = "VALUE")]
     pub step: Option<f64>,
-    /// How many stages.
+    /// Number of stages.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=100))]
     pub stages: u16,
-    /// How often a stage makes its moves.
+    /// Number of times that a stage makes its moves.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub repeats: u16,
     #[command(flatten)]
     pub heat: HeatArguments,
 }
 
-/// What `calibrate speed` tries.
+/// A limit that `calibrate speed` tries.
 #[derive(Clone, Copy, clap::ValueEnum)]
 pub enum TriedArgument {
     /// Acceleration of X and Y, mm/s^2.

@@ -19,7 +19,7 @@ pub struct ServeArguments {
     /// the path of a TOML file.
     #[arg(long, value_name = "NAME|PATH")]
     pub board: Option<String>,
-    /// Which port of the board the host connects to.
+    /// The board's port that the host connects to.
     #[arg(long, value_enum, default_value_t = Via::Usb, requires = "board")]
     pub via: Via,
     /// Serves on a pseudo-terminal with this path, which the host opens as its serial port.
@@ -51,7 +51,7 @@ pub struct ServeArguments {
     /// Speed of the port; without effect over USB.
     #[arg(long, value_name = "BAUD", default_value_t = 115_200, requires = "port")]
     pub baud: u32,
-    /// How many seconds of the printer pass in one second, or max; a slow computer falls behind and
+    /// Seconds of the printer that pass in one second, or max; a slow computer falls behind and
     /// does not catch up.
     #[arg(long, value_name = "FACTOR|max", default_value = "1")]
     pub speed: Speed,

@@ -12,7 +12,7 @@
 //! |---|---|---|
 //! | RM0090 13.3.5, 13.3.8, 13.8.1 | an endless scan by DMA stores each channel's word at its place, at the rate of the
 //! conversions | `lots_are_as_many_words_as_single_conversions` |
-//! | 13.8.2 | a word that nobody has taken is an overrun, which ends the scan | `a_lot_that_nobody_takes_is_an_overrun` |
+//! | 13.8.2 | a word that has not been taken is an overrun, which ends the scan | `a_lot_that_nobody_takes_is_an_overrun` |
 //! | 13.13.3 | without ADON it ends at once | `a_converter_switched_off_stores_nothing_more` |
 //! | all other modes, and each sequence until the first has ended | rigless's | |
 //!

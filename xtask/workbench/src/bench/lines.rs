@@ -87,8 +87,8 @@ fn wu_lines(out: &mut String, figures: &Value) -> std::fmt::Result {
     wu_table(out, figures, "bresenham")?;
     writeln!(
         out,
-        "\nThe same with pulses (`target.bresenham_pulses`), where the last step of a stair takes a slot of the queue of \
-         its own,\nwhoever makes the stair:\n"
+        "\nThe same with pulses (`target.bresenham_pulses`), where the last step of a stair takes another slot of the \
+         queue,\nwhoever makes the stair:\n"
     )?;
     wu_table(out, figures, "bresenham_pulses")?;
     writeln!(out)

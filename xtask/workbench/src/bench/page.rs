@@ -77,7 +77,7 @@ fn step_interrupt(out: &mut String, figures: &Value) -> std::fmt::Result {
         ("ends a stair, fetches the next, one motor", "new_stair_1_axis", &one),
         ("inside a stair, four motors at once", "within_stair_4_axes", &three),
         ("ends a stair, fetches the next, four motors at once", "new_stair_4_axes", &three),
-        ("is a stair of its own, four motors at once", "single_event_stair_4_axes", &three),
+        ("is a stair alone, four motors at once", "single_event_stair_4_axes", &three),
         ("inside a stair, motors on two ports", "two_ports.within_stair", ""),
         ("ends a stair, motors on two ports", "two_ports.new_stair", ""),
         ("inside a stair, motors on three ports", "three_ports.within_stair", ""),
@@ -201,7 +201,7 @@ fn shaped(out: &mut String, figures: &Value) -> std::fmt::Result {
     writeln!(
         out,
         "\nBy the model above, with 14 cycles for each square root and division, steps take {} % of 168 MHz at {} a second (goal: \
-         25 %), each\nan interrupt of its own (`percent_at_140k_steps`). The shortest moves that the plan lets through make {} \
+         25 %), each\na separate interrupt (`percent_at_140k_steps`). The shortest moves that the plan lets through make {} \
          breakpoints a second, which take\n{} % (`percent_of_most_breakpoints`).\n",
         shown(count("percent_at_140k_steps")),
         shown(Some(FAST_STEPS_PER_S)),
