@@ -17,6 +17,9 @@ mod event;
 mod exchange;
 mod motors;
 mod registers;
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod second_opinion;
 mod settings;
 mod uart;
 
