@@ -22,7 +22,7 @@ pub struct PassedEntries {
 }
 
 impl PassedEntries {
-    /// Empty.
+    /// Nothing waits.
     pub const NONE: Self = Self { buffer: EventBuffer::NONE };
 
     /// All of them.

@@ -322,7 +322,7 @@ fn motor(table: &Section<'_>, name: &'static str, has_uart: bool, pins: &mut Pin
         (None, None) => None,
         (Some(pin), None) => Some(DriverUart::Pin(pin)),
         (Some(pin), Some(_)) => {
-            table.refuse("uart", "either uart, a line of its own, or uart_address on the shared one");
+            table.refuse("uart", "either uart, a separate line, or uart_address on the shared one");
             Some(DriverUart::Pin(pin))
         }
         (None, Some(address)) => {

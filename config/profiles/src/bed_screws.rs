@@ -22,7 +22,7 @@ pub(crate) fn bed_screws(
     let about = "with a probe: by how much to [turn the screws](levelling.md#screws) that the bed stands on (G35)";
     let table = keys.optional_section("bed_screws", "not known", about)?;
     if !is_measured {
-        keys.refuse("bed_screws", "homing.z.sensor = \"probe\" with it, and a Z with a motor of its own");
+        keys.refuse("bed_screws", "homing.z.sensor = \"probe\" with it, and a motor for Z alone");
     }
     let pitch = table
         .number("pitch_mm", PITCH)

@@ -56,7 +56,7 @@ pub(crate) fn mesh(
         if !is_probe {
             keys.refuse("mesh", "homing.z.sensor = \"probe\" with it: without a probe the bed cannot be measured");
         } else if !can_follow {
-            let expected = "\"cartesian\" or \"corexy\" with the table [mesh]: on others Z has no motor of its own";
+            let expected = "\"cartesian\" or \"corexy\" with the table [mesh]: on others Z shares its motor";
             keys.refuse("kinematics", expected);
         }
         let points = table.numbers("points", ["x", "y"], [POINTS; 2]).or(DEFAULT_POINTS, "how many there are");

@@ -31,10 +31,7 @@ pub(crate) fn z_motors(
     let about = "the [motors that lift Z together](z-motors.md), and where they are aligned (G34)";
     let table = keys.optional_section("z_motors", "one motor", about)?;
     if !has_own_motor {
-        keys.refuse(
-            "z_motors",
-            "kinematics = \"cartesian\" or \"corexy\" with it: on others Z has no motor of its own",
-        );
+        keys.refuse("z_motors", "kinematics = \"cartesian\" or \"corexy\" with it: on others Z shares its motor");
     }
     let correction = table.number("max_correction_mm", CORRECTION).or(
         DEFAULT_CORRECTION_MM,

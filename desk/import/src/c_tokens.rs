@@ -5,7 +5,7 @@
 pub(crate) enum Token {
     /// A name.
     Name(String),
-    /// A number, as it is written.
+    /// Number, as written.
     Number(String),
     /// Text or a letter in quotes.
     Quoted(String),
@@ -21,7 +21,7 @@ const SIGNS: [&str; 27] = [
     "<", ">", "!", "~", "&", "|",
 ];
 
-/// The tokens of a text.
+/// Splits a text into tokens.
 pub(crate) fn tokens(text: &str) -> Vec<Token> {
     let (mut tokens, mut rest) = (Vec::new(), text.trim_start());
     while let Some(first) = rest.chars().next() {

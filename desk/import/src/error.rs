@@ -9,11 +9,11 @@ use crate::imported::{Gap, place};
 pub enum ImportError {
     /// A file cannot be read: its name, and why.
     Read(String, String),
-    /// The file is the configuration of neither firmware.
+    /// The file is neither Klipper's nor Marlin's configuration.
     Unknown,
     /// A line that cannot be read: file, line, and what is expected.
     Line(String, usize, String),
-    /// The machine is of a kind that no profile describes.
+    /// The machine's kinematics has no profile key.
     Machine(String, usize, String),
     /// The configuration does not say what machine it is: each part, and the files that
     /// could not be read.

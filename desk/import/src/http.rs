@@ -11,7 +11,7 @@ use ferrostep_host::printable::one_line;
 /// Largest answer, bytes. A configuration with all its macros has a tenth.
 const MAX_BYTES: usize = 8 << 20;
 
-/// Longest head of an answer, bytes, and most of its headers.
+/// Maximum length of a response's head, bytes, and maximum number of its headers.
 const MAX_HEAD_BYTES: usize = 64 << 10;
 const MAX_HEADERS: usize = 100;
 
@@ -125,13 +125,13 @@ fn read_answer(stream: impl Read, is_late: impl FnMut() -> bool) -> Result<Answe
     loop {
         let read = read_line(&mut stream, &mut head)?;
         if head.len() > MAX_HEAD_BYTES {
-            return Err("the answer is none of HTTP: its head has no end".to_owned());
+            return Err("the answer is not HTTP: its head has no end".to_owned());
         }
         if read == 0 {
             return Err("the connection ends before the answer does: try again".to_owned());
         }
         if !head.starts_with(b"HTTP/") && head.len() >= 5 {
-            return Err("the answer is none of HTTP: is this the address of a web server?".to_owned());
+            return Err("the answer is not HTTP: is this the address of a web server?".to_owned());
         }
         if head.ends_with(b"\n\r\n") || head.ends_with(b"\n\n") {
             break;
@@ -139,9 +139,9 @@ fn read_answer(stream: impl Read, is_late: impl FnMut() -> bool) -> Result<Answe
     }
     let mut headers = [httparse::EMPTY_HEADER; MAX_HEADERS];
     let mut response = httparse::Response::new(&mut headers);
-    let is_whole = response.parse(&head).map_err(|error| format!("the answer is none of HTTP: {error}"))?.is_complete();
+    let is_whole = response.parse(&head).map_err(|error| format!("the answer is not HTTP: {error}"))?.is_complete();
     let Some(status) = response.code.filter(|_| is_whole) else {
-        return Err("the answer is none of HTTP: its head is not whole".to_owned());
+        return Err("the answer is not HTTP: its head is not whole".to_owned());
     };
     let header = |name: &str| {
         let found = response.headers.iter().find(|header| header.name.eq_ignore_ascii_case(name))?;

@@ -73,7 +73,7 @@ impl Arc {
         i.hypot(j)
     }
 
-    /// Angle that it sweeps, radian, above 0 against the clock; a whole turn if it ends
+    /// Swept angle, radian, positive counter-clockwise; a whole turn if it ends
     /// where it begins.
     pub fn sweep(&self) -> f64 {
         let [i, j] = self.centre_mm;

@@ -89,7 +89,9 @@ impl fmt::Display for InputError {
                 )
             }
             Self::Sliced(error) => error.fmt(out),
-            Self::NoPlates => write!(out, "--plate is for a sliced 3MF (.gcode.3mf), and this is none: leave it out"),
+            Self::NoPlates => {
+                write!(out, "--plate is for a sliced 3MF (.gcode.3mf), which this file is not: leave it out")
+            }
             Self::Binary(error) => error.fmt(out),
         }
     }

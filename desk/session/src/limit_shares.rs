@@ -54,7 +54,7 @@ pub(crate) struct Settled {
     end_limit: Limit,
 }
 
-/// A part of a move in which the speed changes evenly.
+/// Part of a move with constant acceleration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Phase {
     /// Its time, s.

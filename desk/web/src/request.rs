@@ -107,7 +107,7 @@ impl Request {
         };
         let set = |place: &mut Option<String>, value: String| match place.replace(value) {
             None => Ok(()),
-            Some(_) => Err(Answer::text(400, format!("{name} stands twice"))),
+            Some(_) => Err(Answer::text(400, format!("{name} is given twice"))),
         };
         match name.to_ascii_lowercase().as_str() {
             "host" => set(&mut self.host, text()?),
@@ -128,7 +128,7 @@ impl Request {
                 let length = length.ok_or_else(|| Answer::text(400, "Content-Length is no number of bytes"))?;
                 match self.length.replace(length) {
                     None => Ok(()),
-                    Some(_) => Err(Answer::text(400, "Content-Length stands twice")),
+                    Some(_) => Err(Answer::text(400, "Content-Length is given twice")),
                 }
             }
             "transfer-encoding" => Err(Answer::text(411, "Transfer-Encoding is not supported: send Content-Length")),

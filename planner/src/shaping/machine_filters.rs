@@ -106,7 +106,7 @@ pub fn smooth_ticks(smooth_time_s: Option<f64>) -> Result<u32, ShaperError> {
     }
 }
 
-/// The nearest even number of ticks, so that both halves are whole ones.
+/// Nearest even number of ticks, so that half of it is whole.
 fn even_ticks(ticks: f64) -> u32 {
     2 * (0.5 * ticks + 0.5) as u32
 }

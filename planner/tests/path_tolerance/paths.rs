@@ -48,7 +48,7 @@ impl Case {
         self.blocks_with(keeps, 64)
     }
 
-    /// Blocks of the moves in a look-ahead ring of this many places.
+    /// Blocks of the moves, planned with a look-ahead ring of this size.
     pub fn blocks_with(&self, keeps: bool, ring: usize) -> Vec<PlannedBlock> {
         let steps = |value: f64| StepsPerMm::from_f64(value).unwrap();
         let [x, y, z] = self.steps_per_mm;
@@ -94,7 +94,7 @@ struct Drawn<'a> {
     place: [i64; 3],
     direction: f64,
     feed: f32,
-    /// Filament for a mm.
+    /// Filament per mm of path.
     flow: f64,
     moves: Vec<Move>,
 }

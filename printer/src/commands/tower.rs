@@ -74,7 +74,7 @@ impl<P: Ports> Printer<'_, P> {
             return None;
         }
         if before_10nm.is_some_and(|before_10nm| height_10nm < before_10nm - LOWER_10NM) {
-            self.end_tower("the print goes on lower");
+            self.end_tower("the print continues lower");
             return None;
         }
         let value = tower.value_at(seen_10nm);

@@ -1,4 +1,4 @@
-//! The book's table of time and error beside Klipper's rules: a part of it, measured again.
+//! The table of time and error beside Klipper's rules: a part of it, measured again.
 
 use ferrostep_planner::ShaperKind;
 use ferrostep_random_cases::share_of;
@@ -18,13 +18,13 @@ fn row(page: &str, name: &str, plan: Plan, kind: ShaperKind) -> Vec<f64> {
 }
 
 #[test]
-fn the_books_chart_shows_its_tables() {
+fn the_books_chart_shows_the_tables() {
     chart::keep_current(&repository()).unwrap();
 }
 
 #[test]
-fn the_books_rows_are_what_the_simulator_measures() {
-    let page = std::fs::read_to_string(repository().join("docs/src/against-klipper.md")).unwrap();
+fn the_rows_are_what_the_simulator_measures() {
+    let page = std::fs::read_to_string(repository().join("tests/data/against-klipper.md")).unwrap();
     let folder = directory();
     let case = Case::bed_slinger(&repository(), "cube", &repository().join("examples/cube.gcode"));
     let job = write_job(&case, folder.path());

@@ -249,7 +249,7 @@ fn impossible_entry_frames_are_refused() {
     ];
     let path = file(&directory, "moves.gpre", hand_made::job(machine.plan_hash, &moves));
     says(&print_from(&path, "6", 1), "frame 6: there is no such frame, expected one from 0 to 5");
-    let goes_on = "a job cannot be entered here, because its first move goes on from the one before";
+    let goes_on = "a job cannot be entered here, because its first move continues the one before";
     says(&print_from(&path, "2", 1), &format!("frame 2: {goes_on}; the next one that can be entered is 4"));
     says(&print_from(&path, "5", 1), &format!("frame 5: {goes_on}; no later one can"));
     says(&print_from(&path, "4", 0), "");

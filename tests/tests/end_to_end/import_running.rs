@@ -169,7 +169,7 @@ fn a_klipper_that_says_no_configuration_is_refused_with_the_cure() {
         (http("200 OK", &configfile("[printer]\nkinematics: corexy\n")), "no profile can be made of it"),
         (b"ok\n".to_vec(), "the connection ends before the answer does"),
         (http("200 OK", &configfile("[printer]\n"))[..90].to_vec(), "the connection ends before the answer does"),
-        (b"220 mail server ready\r\n".to_vec(), "the answer is none of HTTP"),
+        (b"220 mail server ready\r\n".to_vec(), "the answer is not HTTP"),
     ] {
         let url = moonraker(answer);
         let folder = directory();

@@ -67,9 +67,9 @@ fn the_books_figures_match_the_command() {
 }
 
 #[test]
-fn the_books_table_matches_the_command() {
+fn the_table_matches_the_command() {
     const PLACE: &str = "<!-- what `papers --compare` prints -->\n";
-    let page = repository().join("docs/src/papers.md");
+    let page = repository().join("tests/data/papers-compare.md");
     let text = std::fs::read_to_string(&page).unwrap();
     let (before, kept) = text.split_once(PLACE).unwrap();
     let compared = ferrostep(["papers", "--compare", "examples/cube.gcode"]);

@@ -1,5 +1,5 @@
-//! The command's answer to each kind of bad input, word for word: the book's page of refusals, and
-//! beside the tests' data those of lines of G-code and of profiles.
+//! The command's answer to each kind of bad input, word for word, beside the tests' data: to
+//! files and arguments, to lines of G-code and to profiles.
 //!
 //! All are compared with the present answers. `FERROSTEP_REFRESH=1` writes them anew; the
 //! difference then shows whether a refusal lost its place, its figures or its cure.
@@ -10,19 +10,13 @@ use std::fs;
 use crate::end_to_end::command::{directory, ferrostep, file, repository};
 use crate::end_to_end::papers::REFRESH_VARIABLE;
 
-const PAGE: &str = "docs/src/refusals.md";
+const PAGE: &str = "tests/data/refused-files.md";
 const LINES_PAGE: &str = "tests/data/refused-lines.md";
 const PROFILES_PAGE: &str = "tests/data/refused-profiles.md";
 
-const HEAD: &str = "# Refusals
+const HEAD: &str = "# Refused files and arguments
 
-To see what a file or a profile is refused for:
-
-    ferrostep print FILE --profile my-printer.toml
-
-This page has the answers to files and arguments; `tests/data/refused-profiles.md` has those to profiles, and
-`tests/data/refused-lines.md` those to lines of G-code, which a board sends over its line in the same words. A test compares all with
-the command, word for word.
+What `ferrostep` answers to files that it cannot read and to arguments that it does not take.
 ";
 
 const LINES_HEAD: &str = "# Refused lines of G-code

@@ -50,7 +50,7 @@ pub fn run(options: &Options) -> Result<(), Failure> {
             Case::corexy("arcs", &example("arcs-corexy.gcode.gz")),
         ];
         let benchy: Option<Vec<_>> = benchy.as_ref().map(|file| vec![Case::bed_slinger(&root, "Benchy", file)]);
-        let page = root.join("docs/src/against-klipper.md");
+        let page = root.join("tests/data/against-klipper.md");
         let mut outcome = Ok(());
         for (name, cases) in [("table", Some(&cases[..])), ("Benchy", benchy.as_deref())] {
             let Some(cases) = cases else { continue };

@@ -20,7 +20,7 @@ const HASH_BYTES: usize = 32;
 /// Bytes of the header after it.
 const HEADER_BYTES: usize = BBF_HEADER_BYTES as usize - HASH_BYTES;
 
-/// Number of the MINI among Prusa's printers: the only one with such a chip.
+/// Prusa's printer type of the MINI, the only one with this chip.
 const PRINTER_MINI: u8 = 2;
 
 /// The printer's version; readers take the same byte for the format's, the first.

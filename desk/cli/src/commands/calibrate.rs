@@ -34,7 +34,7 @@ fn shaper(arguments: &CalibrateShaperArguments) -> Result<ExitCode, String> {
     if let Some(plot) = &arguments.plot {
         let record = arguments.record.as_deref().unwrap_or(plot);
         let protected = [Protected { path: record, what: "the record" }];
-        let drawn = chart::draw(&measured).ok_or("--plot draws a record of an accelerometer, and there is none")?;
+        let drawn = chart::draw(&measured).ok_or("--plot draws the record of an accelerometer: give its file")?;
         let mut plot = Output::create(plot, Accepted::FileOrStream, &protected).map_err(|error| error.to_string())?;
         plot.write_all(drawn.as_bytes()).map_err(|error| plot.failed(error).to_string())?;
         plot.keep().map_err(|error| error.to_string())?;

@@ -129,7 +129,7 @@ pub fn run(arguments: &Arguments<'_>) -> Result<ExitCode, String> {
         let is_edited = std::fs::read_to_string(path).is_ok_and(|text| !text.is_empty() && !is_untouched(&text));
         if is_edited {
             return Err(format!(
-                "{}: it is there and has been edited since an import wrote it, or is none: give another name with -o, or remove it",
+                "{}: it exists, and was edited or not written by an import: give another name with -o, or remove it",
                 name(path)
             ));
         }
@@ -156,7 +156,7 @@ fn text(arguments: &Arguments<'_>, imported: &Imported) -> String {
     }
     let refused: Vec<&Row> = imported.refused().collect();
     if !refused.is_empty() {
-        text += &format!("refused, {} settings, and what stands there:\n", refused.len());
+        text += &format!("refused, {} settings, with their values:\n", refused.len());
         for row in &refused {
             text += &format!("  {}: {} = {}: {}\n", place(&row.file, row.line), row.key, one_line(&row.value), row.why);
         }

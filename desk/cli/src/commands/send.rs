@@ -288,7 +288,7 @@ impl<S: Fn() -> Option<f64>> Watch for Show<S> {
     }
 
     fn held(&mut self, is_held: bool) {
-        let what = if is_held { "the printer pauses the job" } else { "the job goes on" };
+        let what = if is_held { "the printer pauses the job" } else { "the job continues" };
         self.bar.suspend(|| tell(what));
     }
 

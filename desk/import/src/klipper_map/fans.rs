@@ -4,7 +4,7 @@ use super::{Reading, profile_name};
 
 /// Outputs for fans beside those for the part and for the hot end.
 const OTHER_OUTPUTS: [&str; 4] = ["fan2", "fan3", "fan4", "fan5"];
-const CHECK_OUTPUT: &str = "name the board's output that it hangs at: the first free one stands there";
+const CHECK_OUTPUT: &str = "name the board's output that it is connected to: the import wrote the first free one";
 
 impl<'a> Reading<'a> {
     pub(super) fn fans(&mut self) {

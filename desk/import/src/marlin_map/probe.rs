@@ -112,7 +112,7 @@ impl Reading<'_> {
         if has_own_pin {
             self.draft.put(PATH, false);
             for name in ["Z_MIN_ENDSTOP_HIT_STATE", "Z_MIN_ENDSTOP_INVERTING"] {
-                self.lose(name, "Z homes by the probe, which has a level of its own");
+                self.lose(name, "Z homes by the probe, which has a separate level");
             }
         }
         for (name, is_low_where) in names.into_iter().zip([true, false]) {

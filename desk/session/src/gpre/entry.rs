@@ -195,7 +195,7 @@ pub fn not_here<R: Read>(number: u32, reader: &mut PartReader<R>, frames: u32) -
         Some(next) => format!("the next one that can be entered is {next}"),
         None => "no later one can".to_owned(),
     };
-    let message = format!("a job cannot be entered here, because its first move goes on from the one before; {next}");
+    let message = format!("a job cannot be entered here, because its first move continues the one before; {next}");
     JobError::Entry { frame: number, message }
 }
 

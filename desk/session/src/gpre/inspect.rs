@@ -66,7 +66,7 @@ fn say_start(state: &FrameState, out: &mut impl Write) -> io::Result<()> {
         state.fan_power,
         modal.nozzle_celsius,
         modal.bed_celsius,
-        if modal.limits.is_some() { ", limits of its own" } else { "" },
+        if modal.limits.is_some() { ", separate limits" } else { "" },
         if state.can_be_entered { "" } else { "; cannot be entered here" },
     )
 }

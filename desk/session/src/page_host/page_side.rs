@@ -54,7 +54,7 @@ impl PageSide {
             Phase::Printing if command.starts_with('M') && !matches!(command, "M410" | "M876" | "M110") => Ok(()),
             Phase::Printing => refuse(format!("{command} would act in the middle of the print: cancel it first")),
             Phase::Pausing | Phase::Paused | Phase::Cancelling => {
-                refuse("the printer reads no lines until it goes on: Resume, or Cancel")
+                refuse("the printer reads no lines during a pause: press Resume or Cancel")
             }
         }
     }

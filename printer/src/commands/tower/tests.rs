@@ -126,7 +126,7 @@ fn a_tower_waits_for_its_print_and_ends_with_it() {
         ("G28", "the print has ended"),
         ("G28 Z", "the print has ended"),
         ("M110 N0", "the print has ended"),
-        ("G1 X20 Z1 E1", "the print goes on lower"),
+        ("G1 X20 Z1 E1", "the print continues lower"),
     ] {
         let rig = Rig::new(|_| {});
         let mut printer = printing(&rig);

@@ -4,7 +4,7 @@ pub(super) mod chart;
 pub(super) mod models;
 
 use std::format;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::string::String;
 use std::vec::Vec;
 
@@ -220,7 +220,12 @@ fn tuned_heaters_overshoot_by_two_degrees_at_most_and_stay() {
     keep("autotune.svg", &chart::svg(&chart, &rows), &[("tuned", &table)]);
 }
 
-/// Compares the book's chart and tables with these, or writes them.
+/// File with the tables of what is measured on models.
+fn tables_page() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/heaters.md")
+}
+
+/// Compares the book's chart and the tables with these, or writes them.
 pub(super) fn keep(image: &str, chart: &str, tables: &[(&str, &str)]) {
     use ferrostep_checked_toml::book::{self, REFRESH_VARIABLE};
     let pages = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/src");
@@ -232,7 +237,7 @@ pub(super) fn keep(image: &str, chart: &str, tables: &[(&str, &str)]) {
     let kept = std::fs::read_to_string(&path).unwrap_or_default();
     assert!(kept == chart, "images/{image} has changed: look at it, then set {REFRESH_VARIABLE} to keep it");
     for (name, table) in tables {
-        book::keep(&pages.join("heaters.md"), name, table).unwrap();
+        book::keep(&tables_page(), name, table).unwrap();
     }
 }
 
@@ -312,7 +317,7 @@ fn gains_stay_within_their_ranges() {
     }
 }
 
-/// Writes one of the book's tables of failures while a heater is tuned. `trip` lets it fail, notes
+/// Writes one of the tables of failures while a heater is tuned. `trip` lets it fail, notes
 /// the trip, and returns the course for each of two heaters.
 pub(super) fn keep_failures(
     table: &str,
@@ -334,8 +339,7 @@ pub(super) fn keep_failures(
         let [nozzle, bed] = trip(failure, &mut trips);
         text += &format!("| {words} | {} | {nozzle} | {bed} |\n", trips.join(", "));
     }
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/src/heaters.md");
-    ferrostep_checked_toml::book::keep(&page, table, &text).unwrap();
+    ferrostep_checked_toml::book::keep(&tables_page(), table, &text).unwrap();
 }
 
 /// Notes a trip, once.

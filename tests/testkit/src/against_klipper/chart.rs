@@ -34,12 +34,13 @@ struct Row {
     error_um: f64,
 }
 
-/// Compares the page's chart with its tables, or draws it.
+/// Compares the page's chart with the tables, or draws it.
 ///
 /// # Errors
 /// The chart is not that of the tables; the error says how to draw it.
 pub fn keep_current(root: &Path) -> Result<(), String> {
-    let text = std::fs::read_to_string(root.join("docs/src/against-klipper.md")).map_err(|error| error.to_string())?;
+    let text =
+        std::fs::read_to_string(root.join("tests/data/against-klipper.md")).map_err(|error| error.to_string())?;
     let drawn = draw(&rows(&text));
     let kept = root.join("docs/src/images/against-klipper.svg");
     if std::env::var_os(REFRESH_VARIABLE).is_some() {

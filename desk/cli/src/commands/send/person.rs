@@ -61,7 +61,7 @@ impl Person {
             return true;
         }
         self.is_asked = true;
-        ask("end the print? y and Enter ends it, Enter goes on, Ctrl-C ends it at once");
+        ask("end the print? y and Enter ends it, Enter continues it, Ctrl-C ends it at once");
         let answer = Arc::clone(&self.answer);
         thread::spawn(move || {
             let mut line = String::new();
