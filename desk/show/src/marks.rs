@@ -228,6 +228,9 @@ mod tests {
             ("; LINE_WIDTH: 0.42", Some(Mark::Width(0.42))),
             (";HEIGHT:", None),
             (";WIDTH:nan", None),
+            (";HEIGHT:inf", None),
+            (";HEIGHT:-nan", None),
+            ("; LAYER_HEIGHT: infinity", None),
             (";WIDTH:-1", None),
             (";WIDTH:1e9", None),
         ] {
@@ -241,6 +244,8 @@ mod tests {
             (";TIME:1234.5", Some(1234.5)),
             (";TIME:", None),
             (";TIME:nan", None),
+            (";TIME:inf", None),
+            ("; estimated printing time (normal mode) = nand nanh infs", None),
             (";TIME_ELAPSED:7", None),
             (";PRINT.TIME:480", Some(480.0)),
             (";Print Time: 2655", Some(2655.0)),
