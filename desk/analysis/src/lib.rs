@@ -4,6 +4,7 @@
 
 pub mod calibrate;
 pub mod compare;
+pub mod job_machine;
 pub mod method_comparison;
 pub mod recording;
 pub mod simulation;

@@ -81,6 +81,11 @@ const events = {
     element('progress').value = share;
   },
   notice() {},
+  taken(note) {
+    const line = document.createElement('p');
+    line.textContent = note;
+    element('kept').replaceChildren(line);
+  },
   machine,
   done(done) {
     ferrostep.done = done;
