@@ -56,7 +56,8 @@ impl JobMachine {
         })
     }
 
-    /// The same for a file that is opened here. The built-in profile holds for a file that is no job.
+    /// The same for a file that is opened here. The built-in profile holds for a file that is no
+    /// job.
     ///
     /// # Errors
     /// The profile that is named cannot be read.
@@ -80,7 +81,7 @@ impl JobMachine {
         RuledMachine::parse(&self.text, &self.origin, self.asked)
     }
 
-    /// The machine's name for people: the profile's, with the values in place of its own.
+    /// The machine's name for people: the profile's, with the values that replace it.
     pub fn name(&self, profile: &Profile) -> String {
         match &self.taken {
             Some(taken) => format!("{} with the file's {taken}", profile.name),

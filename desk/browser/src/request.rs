@@ -11,8 +11,8 @@ pub struct Request {
     pub job: PathBuf,
     /// The page to write.
     pub page: PathBuf,
-    /// Name of a built-in profile, [`OF_JOB`](crate::OF_JOB), or the path of a profile or of another
-    /// firmware's configuration.
+    /// Name of a built-in profile, [`OF_JOB`](crate::OF_JOB), or the path of a profile or of
+    /// another firmware's configuration.
     pub machine: String,
     /// The rules by which the time is estimated; `None` for those of the machine.
     pub rules: Option<PlannedBy>,

@@ -4,8 +4,8 @@
 //! OrcaSlicer and Bambu Studio `printable_area` and `printable_height` at either end; Simplify3D
 //! writes the strokes of its machine at the beginning. Cura says only how far the part reaches.
 //!
-//! Prusa's family writes the limits of speed as `machine_max_feedrate_x`, OrcaSlicer and Bambu Studio
-//! as `machine_max_speed_x`; all of them those of acceleration as `machine_max_acceleration_x`.
+//! Prusa's family writes the limits of speed as `machine_max_feedrate_x`, OrcaSlicer and Bambu
+//! Studio as `machine_max_speed_x`; all of them write `machine_max_acceleration_x`.
 
 use std::fmt;
 
@@ -27,7 +27,7 @@ pub struct SlicedFor {
     limits: [Option<f64>; LIMITS.len()],
     /// Acceleration of travel moves, mm/s^2: not every slicer has one.
     travel_mm_per_s2: Option<f64>,
-    /// True if the job sets these limits by commands of its own.
+    /// True if the job sets these limits by commands.
     emits_limits: bool,
 }
 
@@ -132,9 +132,9 @@ impl SlicedFor {
         self.model.as_deref().filter(|model| !model.is_empty())
     }
 
-    /// The printer's limits as a profile has them, key and value: all, or none where one is missing.
-    /// Limits that the job sets by commands hold by those, and are none here. Travel moves have the
-    /// acceleration of printing if the slicer names no other.
+    /// The printer's limits as a profile has them, key and value; `None` where one is missing, or
+    /// where the job sets them by commands. Travel moves have the acceleration of printing if the
+    /// slicer names no other.
     pub fn limits(&self) -> Option<Vec<(&'static str, f64)>> {
         let own = LIMITS.iter().zip(self.limits).map(|((_, key), limit)| Some((*key, limit?)));
         let mut limits: Vec<_> = own.collect::<Option<_>>()?;
