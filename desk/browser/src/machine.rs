@@ -128,6 +128,18 @@ mod tests {
     }
 
     #[test]
+    fn a_file_beside_a_configuration_is_included() {
+        let folder = tempfile::tempdir().unwrap();
+        let [path, other] = ["printer.cfg", "limits.cfg"].map(|name| folder.path().join(name));
+        let text = std::fs::read_to_string(CONFIGURATION).unwrap();
+        std::fs::write(&path, format!("[include limits.cfg]\n{}", text.replace("position_max: 220", ""))).unwrap();
+        std::fs::write(&other, "[stepper_x]\nposition_max: 190\n").unwrap();
+        let machine = machine(path.to_str().unwrap()).unwrap();
+        assert_eq!(machine.profile.size_10nm[0], 19_000_000);
+        assert!(machine.kept.unwrap().unread.is_empty());
+    }
+
+    #[test]
     fn a_broken_configuration_names_its_line() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("printer.cfg");
