@@ -4,7 +4,7 @@
 #
 # [tool.orcaslicer.plugin]
 # name = "Ferrostep"
-# description = "A tab that shows the exported G-code as a printer executes it: time, speeds, findings."
+# description = "Shows the exported G-code as a printer executes it."
 # author = "The Ferrostep authors"
 # version = "0.3.0"
 # ///
