@@ -4,7 +4,7 @@ use ferrostep_testkit::program::{program, repository, scratch};
 use ferrostep_testkit::python;
 
 /// An exported file has its page in the tab; of one that stops, the page up to there; an export
-/// goes on without the command, and without a job.
+/// continues without the command, and without a job.
 #[test]
 fn an_exported_file_is_shown_in_a_tab() {
     let folder = scratch();
