@@ -3,8 +3,8 @@
 //! measurements or prints.
 //!
 //! A program begins with [`job_machine::JobMachine`], the machine of a job with the rules of its
-//! moves, and a `Session` that executes the job on it: `examples/moves.rs` prints each move with its
-//! time and the limit that held it, in twenty lines.
+//! moves, and a `Session` that executes the job on it: `examples/moves.rs` prints each move with
+//! its time and the limit that held it.
 
 pub mod calibrate;
 pub mod compare;
