@@ -35,6 +35,11 @@ impl PlannedBy {
         ("rrf", Self::Rrf),
     ];
 
+    /// The rules of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::NAMED.into_iter().find(|(known, _)| *known == name).map(|(_, rules)| rules)
+    }
+
     /// The name.
     pub fn name(self) -> &'static str {
         Self::NAMED.into_iter().find(|(_, rules)| *rules == self).map_or("", |(name, _)| name)

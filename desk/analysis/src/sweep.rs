@@ -217,11 +217,20 @@ pub fn machine_with(
     values: &[(String, f64)],
     asked: Option<PlannedBy>,
 ) -> Result<RuledMachine, SweepError> {
+    machine(&table_with(text, name, values)?, name, asked)
+}
+
+/// A profile's text with other values of some keys.
+pub(crate) fn text_with(text: &str, name: &str, values: &[(String, f64)]) -> Result<String, SweepError> {
+    Ok(table_with(text, name, values)?.to_string())
+}
+
+fn table_with(text: &str, name: &str, values: &[(String, f64)]) -> Result<Table, SweepError> {
     let mut table: Table = text.parse().map_err(|error| SweepError::Profile(format!("{name}: {error}")))?;
     for (key, value) in values {
         set(&mut table, key, *value).map_err(|problem| SweepError::Profile(format!("{name}: {problem}")))?;
     }
-    machine(&table, name, asked)
+    Ok(table)
 }
 
 /// The commands whose settings would hold over those of these keys.

@@ -81,6 +81,11 @@ const events = {
     element('progress').value = share;
   },
   notice() {},
+  taken(note) {
+    const line = document.createElement('p');
+    line.textContent = note;
+    element('kept').replaceChildren(line);
+  },
   machine,
   done(done) {
     ferrostep.done = done;
@@ -109,7 +114,12 @@ function ended(page) {
   element('page').focus();
 }
 
-function read(file, configuration) {
+// The configuration that includes the others: by its name, or else the first.
+function first(configurations) {
+  return configurations.find(({ name }) => /^(printer\.cfg|configuration\.h)$/i.test(name)) ?? configurations[0];
+}
+
+function read(file, configurations) {
   if (!worker) start();
   job = file;
   ferrostep.done = ferrostep.error = null;
@@ -121,10 +131,8 @@ function read(file, configuration) {
   // A name may hold anything but the separator of folders.
   const files = [[`job/${file.name}`, file]];
   let machineName = element('machine').value;
-  if (configuration) {
-    machineName = `/machine/${configuration.name}`;
-    files.push([machineName.slice(1), configuration]);
-  }
+  if (configurations.length > 0) machineName = `/machine/${first(configurations).name}`;
+  for (const configuration of configurations) files.push([`machine/${configuration.name}`, configuration]);
   const rules = element('rules').value;
   worker.onmessage = ({ data }) => {
     if (data.event) for (const [kind, event] of Object.entries(data.event)) events[kind](event);
@@ -134,17 +142,17 @@ function read(file, configuration) {
   worker.postMessage({ args: [`/job/${file.name}`, '/page.html', machineName, ...(rules ? [rules] : [])], files });
 }
 
-// Takes dropped files: one job, and a configuration if it is among them.
+// Takes dropped files: one job, and the files of a configuration if they are among them.
 function take(files) {
-  const configuration = files.find((file) => CONFIGURATION.test(file.name));
+  const configurations = files.filter((file) => CONFIGURATION.test(file.name));
   const jobs = files.filter((file) => !CONFIGURATION.test(file.name));
-  if (configuration) {
+  if (configurations.length > 0) {
     const held = new DataTransfer();
-    held.items.add(configuration);
+    for (const configuration of configurations) held.items.add(configuration);
     element('configuration').files = held.files;
   }
-  if (jobs.length > 1) fail(`${jobs.length} files: drop one G-code file, and with it no more than a configuration`);
-  else if (jobs.length === 1) read(jobs[0], element('configuration').files[0]);
+  if (jobs.length > 1) fail(`${jobs.length} files: drop one G-code file, and with it no more than a configuration with the files that it includes`);
+  else if (jobs.length === 1) read(jobs[0], [...element('configuration').files]);
 }
 
 element('job').addEventListener('change', () => take([...element('job').files]));

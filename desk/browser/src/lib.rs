@@ -23,7 +23,7 @@ use ferrostep_session::{JobReplies, Session};
 use ferrostep_show::{Finding, write_page};
 use serde::Serialize;
 
-pub use machine::{Kept, Machine};
+pub use machine::{Kept, Machine, OF_JOB};
 pub use request::Request;
 
 /// Largest file whose time is also estimated with other limits, bytes: as `ferrostep show` has it.
@@ -48,6 +48,8 @@ pub enum Event {
     },
     /// A message of the machine.
     Notice(String),
+    /// Sentence about what was taken from the slicer's comments for the machine.
+    Taken(String),
     /// The machine that a configuration describes.
     Machine(Kept),
     /// The result; the page is written.
@@ -75,7 +77,10 @@ pub struct Done {
 /// The machine or the job cannot be read, or the page cannot be written: words for a person. A job
 /// that stops at a line has a page up to there and a summary that says so.
 pub fn answer(request: &Request, tell: impl Fn(&Event)) -> Result<(), String> {
-    let Machine { profile, by, kept } = Machine::of(request)?;
+    let Machine { profile, by, name: machine, note, kept } = Machine::of(request)?;
+    if let Some(note) = note {
+        tell(&Event::Taken(note));
+    }
     if let Some(kept) = kept {
         tell(&Event::Machine(kept));
     }
@@ -100,7 +105,7 @@ pub fn answer(request: &Request, tell: impl Fn(&Event)) -> Result<(), String> {
     let name = Path::new(request.job_name());
     let silent = || JobReplies::new(|_: &str| {});
     let look = |_: &_| report("estimate", place.share());
-    let (summary, _) = match by {
+    let (summary, _) = match by.clone() {
         None => {
             let session = Session::estimate(profile, LOOK_AHEAD_BLOCKS, silent());
             summed_up(name, &mut input, &session, Wanted::default(), look, || {})
@@ -121,9 +126,10 @@ pub fn answer(request: &Request, tell: impl Fn(&Event)) -> Result<(), String> {
         }
     });
     let look = |_: &_, _: &_| report("record", place.share());
-    let shown =
-        recording::record(profile, None, &mut input, MAX_NODES, replies, look).map_err(|error| error.to_string())?;
-    let asks = shown.stopped.is_none() && input.size_bytes() <= MAX_ASKED_BYTES;
+    let shown = recording::record(profile, by.clone(), &mut input, MAX_NODES, replies, look)
+        .map_err(|error| error.to_string())?;
+    // The gain of other limits is asked of this firmware's planner, as `ferrostep show` does.
+    let asks = by.is_none() && shown.stopped.is_none() && input.size_bytes() <= MAX_ASKED_BYTES;
     let mut chances = Vec::new();
     if asks {
         for chance in recording::chances_in_turn(profile, file) {
@@ -133,7 +139,8 @@ pub fn answer(request: &Request, tell: impl Fn(&Event)) -> Result<(), String> {
     }
     tell(&Event::Progress { step: "write", share: 0.0 });
     let slicer_time_s = input.description().and_then(|said| Some(said.figures.time_s?.into()));
-    let job = shown.job(name, &profile, slicer_time_s, chances);
+    let mut job = shown.job(name, &profile, slicer_time_s, chances);
+    job.profile = machine;
     let write = || {
         let mut out = BufWriter::with_capacity(1 << 16, File::create(&request.page)?);
         write_page(&mut out, &job, &shown.recording, &shown.text)?;

@@ -2,12 +2,16 @@
 
 use std::path::Path;
 
+use ferrostep_analysis::job_machine::JobMachine;
 use ferrostep_import::{Imported, Row, place};
 use ferrostep_printer::Profile;
 use ferrostep_session::rules::{ByRules, RuledMachine};
 use serde::Serialize;
 
 use crate::request::Request;
+
+/// The request's word for the machine that the command takes without a profile.
+pub const OF_JOB: &str = "of-the-job";
 
 /// A machine, and the planner of its time.
 #[derive(Debug)]
@@ -16,6 +20,10 @@ pub struct Machine {
     pub profile: Profile,
     /// The planner of another firmware; `None` for this firmware's rules.
     pub by: Option<ByRules>,
+    /// The machine's name for people.
+    pub name: String,
+    /// Sentence about what was taken from the slicer's comments.
+    pub note: Option<String>,
     /// The settings that were kept, of a machine by its configuration.
     pub kept: Option<Kept>,
 }
@@ -57,6 +65,11 @@ impl Machine {
     /// The profile or configuration cannot be read: the message names file, line and key.
     pub fn of(request: &Request) -> Result<Self, String> {
         let name = request.machine.as_str();
+        if name == OF_JOB {
+            let machine = JobMachine::of_file(None, request.rules, &request.job).map_err(|error| error.to_string())?;
+            let RuledMachine { profile, by, .. } = machine.ruled().map_err(|error| error.to_string())?;
+            return Ok(Self { name: machine.name(&profile), note: machine.note, profile, by, kept: None });
+        }
         let is_ours = ferrostep_profiles::builtin_text(name).is_some() || name.ends_with(".toml");
         let (text, origin, kept) = if is_ours {
             (ferrostep_profiles::text(name).map_err(|error| error.to_string())?, name, None)
@@ -66,7 +79,7 @@ impl Machine {
         };
         let RuledMachine { profile, by, .. } =
             RuledMachine::parse(&text, origin, request.rules).map_err(|error| error.to_string())?;
-        Ok(Self { profile, by, kept })
+        Ok(Self { name: profile.name.to_owned(), note: None, profile, by, kept })
     }
 }
 
@@ -101,6 +114,29 @@ mod tests {
         std::fs::write(&path, text.replace("position_max: 220", "")).unwrap();
         let kept = machine(path.to_str().unwrap()).unwrap().kept.unwrap();
         assert!(kept.by_permission.iter().any(|part| part.contains("size_mm.x")), "{kept:?}");
+    }
+
+    #[test]
+    fn a_job_describes_its_machine_as_for_the_command() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("job.gcode");
+        std::fs::write(&path, "G28\n; bed_shape = 0x0,350x0,350x350,0x350\n").unwrap();
+        let arguments = [path.to_str().unwrap(), "page.html", OF_JOB].map(str::to_owned);
+        let machine = Machine::of(&Request::of(arguments.into_iter()).unwrap()).unwrap();
+        assert_eq!(machine.name, "cartesian with the file's travel, 350 x 350 x 200 mm");
+        assert!(machine.note.unwrap().contains("in the comments of job.gcode"));
+    }
+
+    #[test]
+    fn a_file_beside_a_configuration_is_included() {
+        let folder = tempfile::tempdir().unwrap();
+        let [path, other] = ["printer.cfg", "limits.cfg"].map(|name| folder.path().join(name));
+        let text = std::fs::read_to_string(CONFIGURATION).unwrap();
+        std::fs::write(&path, format!("[include limits.cfg]\n{}", text.replace("position_max: 220", ""))).unwrap();
+        std::fs::write(&other, "[stepper_x]\nposition_max: 190\n").unwrap();
+        let machine = machine(path.to_str().unwrap()).unwrap();
+        assert_eq!(machine.profile.size_10nm[0], 19_000_000);
+        assert!(machine.kept.unwrap().unread.is_empty());
     }
 
     #[test]

@@ -8,6 +8,8 @@ use ferrostep_profiles::PlannedBy;
 use ferrostep_show::Sources;
 use flate2::{Compression, GzBuilder};
 
+use crate::OF_JOB;
+
 const PAGE: &str = include_str!("../page/page.html");
 const STYLE: &str = include_str!("../page/page.css");
 const SCRIPT: &str = concat!("'use strict';\n(() => {\n", include_str!("../page/main.js"), "})();\n");
@@ -25,7 +27,8 @@ pub fn composed(program: &[u8]) -> io::Result<String> {
     packer.write_all(program)?;
     let program = STANDARD.encode(packer.finish()?);
     let option = |name: &str| format!("<option>{name}</option>");
-    let machines: String = ferrostep_profiles::builtin_names().map(option).collect();
+    let of_job = format!("<option value=\"{OF_JOB}\">of the file's comments</option>");
+    let machines: String = std::iter::once(of_job).chain(ferrostep_profiles::builtin_names().map(option)).collect();
     let rules: String = PlannedBy::NAMED.into_iter().map(|(name, _)| option(name)).collect();
     let mut page = String::new();
     let mut rest = PAGE;

@@ -11,7 +11,8 @@ pub struct Request {
     pub job: PathBuf,
     /// The page to write.
     pub page: PathBuf,
-    /// Name of a built-in profile, or the path of a profile or of another firmware's configuration.
+    /// Name of a built-in profile, [`OF_JOB`](crate::OF_JOB), or the path of a profile or of
+    /// another firmware's configuration.
     pub machine: String,
     /// The rules by which the time is estimated; `None` for those of the machine.
     pub rules: Option<PlannedBy>,
@@ -39,8 +40,7 @@ impl Request {
 }
 
 fn named(name: &str) -> Result<PlannedBy, String> {
-    let rules = PlannedBy::NAMED.into_iter().find(|(known, _)| *known == name);
-    rules.map(|(_, rules)| rules).ok_or_else(|| {
+    PlannedBy::named(name).ok_or_else(|| {
         let known = PlannedBy::NAMED.map(|(name, _)| name).join(", ");
         format!("rules {name}: unknown, expected one of {known}")
     })

@@ -16,7 +16,7 @@ use ferrostep_session::took::Took;
 use ferrostep_session::{JobReplies, Session};
 
 use crate::arguments::JobArguments;
-use crate::machine::Machine;
+use crate::machine;
 use crate::outcome::{exit_code, result};
 use crate::progress::Progress;
 
@@ -26,8 +26,8 @@ const MAX_NOTICES: u32 = 20;
 /// The machine, of this profile if one is named, and the open file of a job.
 pub fn open(job: &JobArguments, named: Option<&str>) -> Result<(Profile, Input), String> {
     let input = open_file(job)?;
-    let machine = Machine::of_job(named, Some(PlannedBy::Own), &job.file, &input)?;
-    Ok((machine.ruled.profile, input))
+    let machine = machine::of_job(named, Some(PlannedBy::Own), &job.file, &input)?;
+    Ok((machine.ruled().map_err(|error| error.to_string())?.profile, input))
 }
 
 /// The open file of a job.

@@ -31,6 +31,42 @@ fn a_job_is_planned_on_the_travel_that_its_comments_name() {
 }
 
 #[test]
+fn limits_in_the_comments_hold_for_every_command_and_none_if_the_machine_cannot_have_them() {
+    let directory = directory();
+    let limits = |feed: u32| {
+        let speeds = ["x", "y", "z", "e"].map(|axis| format!("; machine_max_speed_{axis} = {feed},{feed}\n"));
+        let accelerations = ["x", "y", "z", "e", "extruding", "retracting"]
+            .map(|of| format!("; machine_max_acceleration_{of} = 400,200\n"));
+        let bed = "; printable_area = 0x0,350x0,350x350,0x350\n; printable_height = 340\n; printer_model = Large\n";
+        job(&format!("{bed}{}{}", speeds.concat(), accelerations.concat()))
+    };
+    let seconds = |command: &str, name: &str, text: String, more: &[&str]| {
+        let job = file(&directory, name, text);
+        let arguments = [command.as_ref(), job.as_os_str(), "--json".as_ref()];
+        let outcome = ferrostep(arguments.into_iter().chain(more.iter().map(|each| each.as_ref())));
+        assert_eq!(outcome.status, Some(0), "{command}: {outcome:#?}");
+        (outcome.json()["print_time_s"].as_f64().unwrap_or_default(), outcome.stderr)
+    };
+    let (fast_s, note) = seconds("estimate", "fast.gcode", limits(50), &[]);
+    assert!(
+        note.contains(
+            "the travel, speeds and accelerations in the comments of fast.gcode for Large, 350 x 350 x 340 mm"
+        ),
+        "{note}"
+    );
+    let (own_s, note) = seconds("estimate", "own.gcode", limits(9_000_000), &[]);
+    assert!(
+        note.contains("the travel in the comments of own.gcode for Large (its speeds and accelerations are"),
+        "{note}"
+    );
+    assert!(own_s - fast_s > 10.0, "Z is five times as fast as the built-in one: {fast_s} {own_s}");
+    let (swept_s, note) = seconds("sweep", "fast.gcode", limits(50), &["--set", "junction_deviation_mm=0.05"]);
+    assert!((swept_s - fast_s).abs() < 1e-6 && note.contains("350 x 350"), "{swept_s} {fast_s} {note}");
+    let (_, note) = seconds("compare", "fast.gcode", limits(50), &["--set", "junction_deviation_mm=0.05"]);
+    assert_eq!(note.matches("350 x 350").count(), 1, "{note}");
+}
+
+#[test]
 fn a_profile_that_is_named_holds_over_the_comments() {
     let directory = directory();
     let job = file(&directory, "job.gcode", job("; bed_shape = 0x0,350x0,350x350,0x350"));

@@ -24,7 +24,7 @@ pub struct ShowArguments {
     #[arg(short, value_name = "PAGE.html")]
     pub out: Option<PathBuf>,
     /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file [default: cartesian,
-    /// with the travel in the slicer's comments].
+    /// with the travel and limits in the slicer's comments].
     #[arg(long, value_name = "NAME|PATH")]
     pub profile: Option<String>,
     /// The firmware by whose rules the file is planned [default: that of the profile's
@@ -57,9 +57,10 @@ pub struct CompareArguments {
     /// Writes a page with both prints.
     #[arg(short, value_name = "PAGE.html")]
     pub out: Option<PathBuf>,
-    /// The machine of both: cartesian, corexy, prusa-mini, or the path of a TOML file.
-    #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
-    pub profile: String,
+    /// The machine of both: cartesian, corexy, prusa-mini, or the path of a TOML file [default:
+    /// cartesian, with the travel and limits in the slicer's comments].
+    #[arg(long, value_name = "NAME|PATH")]
+    pub profile: Option<String>,
     /// The machine of A.
     #[arg(long, value_name = "NAME|PATH")]
     pub profile_a: Option<String>,
@@ -101,9 +102,10 @@ pub struct SweepArguments {
     /// The macros that the profile lacks.
     #[command(flatten)]
     pub macros: MacroArgument,
-    /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
-    #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
-    pub profile: String,
+    /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file [default:
+    /// cartesian, with the travel and limits in the slicer's comments].
+    #[arg(long, value_name = "NAME|PATH")]
+    pub profile: Option<String>,
     /// Accelerations of printing and travel moves, and the most that X and Y may have, mm/s^2: a
     /// range, each value twice the one before (500..16000), or a list (500,1000,3000).
     #[arg(long, value_name = "VALUES")]

@@ -30,7 +30,7 @@ pub struct JobArguments {
     #[command(flatten)]
     pub plate: PlateArgument,
     /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file [default: cartesian,
-    /// with the travel in the slicer's comments].
+    /// with the travel and limits in the slicer's comments].
     #[arg(long, value_name = "NAME|PATH")]
     pub profile: Option<String>,
     /// Prints the result as one JSON object.

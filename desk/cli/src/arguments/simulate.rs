@@ -21,9 +21,10 @@ pub struct SimulateArguments {
     /// The macros that the profile lacks.
     #[command(flatten)]
     pub macros: MacroArgument,
-    /// The machine of the job: cartesian, corexy, prusa-mini, or the path of a TOML file.
-    #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
-    pub profile: String,
+    /// The machine of the job: cartesian, corexy, prusa-mini, or the path of a TOML file [default:
+    /// cartesian, with the travel and limits in the slicer's comments].
+    #[arg(long, value_name = "NAME|PATH")]
+    pub profile: Option<String>,
     /// The G-code that a trace or a prepared job was made from: the path to measure against
     /// [default: of G-code its own, of a trace or a prepared job the path that the steps draw].
     #[arg(long, value_name = "FILE", conflicts_with = "path_of_steps")]

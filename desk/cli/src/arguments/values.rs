@@ -35,10 +35,8 @@ pub fn edge(text: &str) -> Result<Edge, String> {
 
 /// The names of rules.
 pub fn rules() -> impl TypedValueParser<Value = PlannedBy> {
-    PossibleValuesParser::new(PlannedBy::NAMED.map(|(name, _)| name)).map(|name| {
-        let found = PlannedBy::NAMED.into_iter().find(|(other, _)| *other == name);
-        found.map_or(PlannedBy::Own, |(_, rules)| rules)
-    })
+    PossibleValuesParser::new(PlannedBy::NAMED.map(|(name, _)| name))
+        .map(|name| PlannedBy::named(&name).unwrap_or(PlannedBy::Own))
 }
 
 /// A key and its value.

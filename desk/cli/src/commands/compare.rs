@@ -4,12 +4,14 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use ferrostep_analysis::compare::{Asked, compare};
+use ferrostep_analysis::job_machine::JobMachine;
 use ferrostep_analysis::sweep::machine_with;
 use ferrostep_session::input;
 use ferrostep_session::output::{Accepted, Output};
 
 use crate::arguments::CompareArguments;
 use crate::browser::open_page;
+use crate::machine;
 use crate::outcome::{exit_code, result};
 use crate::protected::inputs;
 
@@ -20,17 +22,21 @@ pub fn run(arguments: &CompareArguments) -> Result<ExitCode, String> {
         return Err("compare reads its jobs more than once: give it files, not -".to_owned());
     }
     let [profile_a, profile_b] =
-        [&arguments.profile_a, &arguments.profile_b].map(|own| own.as_ref().unwrap_or(&arguments.profile));
+        [&arguments.profile_a, &arguments.profile_b].map(|own| own.as_deref().or(arguments.profile.as_deref()));
     if arguments.second.is_none() && profile_a == profile_b && arguments.set.is_empty() {
         return Err("nothing to compare with: give a second file, --profile-b or --set".to_owned());
     }
-    let machine = |name: &str, values: &[(String, f64)]| {
-        let text = ferrostep_profiles::text(name).map_err(|error| error.to_string())?;
-        machine_with(&text, name, values, arguments.rules).map_err(|error| error.to_string())
+    let machine = |machine: &JobMachine, values: &[(String, f64)]| {
+        machine_with(&machine.text, &machine.origin, values, arguments.rules).map_err(|error| error.to_string())
+    };
+    let machine_a = machine::of_file(profile_a, arguments.rules, &arguments.file)?;
+    let machine_b = match &arguments.second {
+        None if profile_a == profile_b => machine_a.clone(),
+        _ => machine::of_file(profile_b, arguments.rules, second)?,
     };
     let asked = [
-        Asked { file: &arguments.file, machine: machine(profile_a, &[])?, changes: &[] },
-        Asked { file: second, machine: machine(profile_b, &arguments.set)?, changes: &arguments.set },
+        Asked { file: &arguments.file, machine: machine(&machine_a, &[])?, changes: &[] },
+        Asked { file: second, machine: machine(&machine_b, &arguments.set)?, changes: &arguments.set },
     ];
     let frequency_hz = match (arguments.frequency_x, arguments.frequency_y) {
         (None, None) => None,
@@ -43,8 +49,8 @@ pub fn run(arguments: &CompareArguments) -> Result<ExitCode, String> {
             by.rules.name()
         ));
     }
-    let mut protected = inputs(&arguments.file, profile_a);
-    protected.extend(inputs(second, profile_b));
+    let mut protected = inputs(&arguments.file, machine::name_or_path(profile_a));
+    protected.extend(inputs(second, machine::name_or_path(profile_b)));
     let page = arguments.out.as_deref().map(|page| Output::create(page, Accepted::FileOrStream, &protected));
     let page = page.transpose().map_err(|error| error.to_string())?;
     let keys: Vec<String> = arguments.set.iter().map(|(key, _)| key.clone()).collect();

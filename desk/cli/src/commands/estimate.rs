@@ -11,7 +11,7 @@ use ferrostep_session::took::Duration;
 
 use crate::arguments::JobArguments;
 use crate::job::{self, open_file, replies};
-use crate::machine::Machine;
+use crate::machine;
 use crate::progress::Progress;
 
 /// Plans the job without making its steps, by the rules that are asked for or else the profile's,
@@ -21,7 +21,8 @@ pub fn run(arguments: &JobArguments, rules: Option<PlannedBy>, took: Option<Dura
         return Err("--took reads the file once for each limit: give a file, not -".to_owned());
     }
     let input = open_file(arguments)?;
-    let machine = Machine::of_job(arguments.profile.as_deref(), rules, &arguments.file, &input)?.ruled;
+    let machine = machine::of_job(arguments.profile.as_deref(), rules, &arguments.file, &input)?;
+    let machine = machine.ruled().map_err(|error| error.to_string())?;
     if input.is_prepared() {
         return Err(format!(
             "{}: this is a prepared job, and estimate takes G-code: `ferrostep inspect` shows a prepared job's time",

@@ -17,7 +17,7 @@ use ferrostep_show::write_page;
 use crate::arguments::ShowArguments;
 use crate::browser;
 use crate::job::{replies, strict};
-use crate::machine::{self, Machine};
+use crate::machine;
 use crate::outcome::exit_code;
 use crate::progress::Progress;
 use crate::protected::inputs;
@@ -34,8 +34,8 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
     let name = input::name(&arguments.file);
     let mut input = Input::open(&arguments.file).map_err(|error| format!("{name}: {error}"))?;
     let named = arguments.profile.as_deref();
-    let Machine { ruled: RuledMachine { profile, by, .. }, name: machine } =
-        Machine::of_job(named, arguments.rules, &arguments.file, &input)?;
+    let machine = machine::of_job(named, arguments.rules, &arguments.file, &input)?;
+    let RuledMachine { profile, by, .. } = machine.ruled().map_err(|error| error.to_string())?;
     // A prepared job has its steps already.
     let by = by.filter(|_| !input.is_prepared());
     if input.is_prepared()
@@ -70,7 +70,7 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
     let said = input.description().map(|description| &description.figures);
     let slicer_time_s = said.and_then(|said| Some(said.time_s?.into()));
     let mut job = shown.job(&arguments.file, &profile, slicer_time_s, chances);
-    job.profile = machine;
+    job.profile = machine.name(&profile);
     let mut out = BufWriter::with_capacity(1 << 16, out);
     if let Err(error) = write_page(&mut out, &job, &shown.recording, &shown.text) {
         return Err(out.get_ref().failed(error).to_string());

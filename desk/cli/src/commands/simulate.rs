@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use ferrostep_analysis::simulation::{
     Compared, ComparedFilter, FilterWords, Measured, Simulated, SimulatedFilter, SimulatedMachine, Simulation, Source,
 };
+use ferrostep_profiles::PlannedBy;
 use ferrostep_session::input;
 use ferrostep_session::job::JobProgress;
 use ferrostep_session::output::{Accepted, Output, Protected};
@@ -20,12 +21,14 @@ use ferrostep_simulator::shapers::Shaper;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::arguments::{Rules, SimulateArguments};
+use crate::machine;
 use crate::outcome::{exit_code, result};
 use crate::protected::profile_file;
 
 /// Simulates, and prints the measures.
 pub fn run(arguments: &SimulateArguments) -> Result<ExitCode, String> {
-    let profile = ferrostep_profiles::load(&arguments.profile).map_err(|error| error.to_string())?;
+    let job_machine = machine::of_file(arguments.profile.as_deref(), Some(PlannedBy::Own), &arguments.file)?;
+    let profile = job_machine.ruled().map_err(|error| error.to_string())?.profile;
     let name = input::name(&arguments.file);
     let words = filter_words(arguments);
     let plot = arguments.plot.as_deref().map(|plot| plot_output(plot, arguments)).transpose()?;
@@ -34,7 +37,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode, String> {
         .map_err(|error| format!("{name}: {error}"))?;
     let filters = simulation.filters(&words).map_err(|error| error.to_string())?;
     simulation.set_filters(filters.steps);
-    let machine = machine(arguments, filters.frame_hz)?;
+    let machine = frame(arguments, filters.frame_hz)?;
     let (source, has_path) = (simulation.source(), simulation.has_path());
     let compared = match (arguments.compare, &filters.compared) {
         (Some(Rules::Klipper), Some(filter)) => {
@@ -60,7 +63,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode, String> {
     }
     let simulated = Simulated {
         file: arguments.file.to_string_lossy().into_owned(),
-        profile: (source != Source::Trace).then(|| profile.name.to_owned()),
+        profile: (source != Source::Trace).then(|| job_machine.name(&profile)),
         source: match source {
             Source::GCode => "gcode",
             Source::Prepared => "prepared",
@@ -85,7 +88,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode, String> {
 fn plot_output(plot: &Path, arguments: &SimulateArguments) -> Result<Output, String> {
     let mut protected = vec![Protected { path: &arguments.file, what: "the file to be read" }];
     protected.extend(arguments.path.as_deref().map(|path| Protected { path, what: "the G-code of the path" }));
-    protected.extend(profile_file(&arguments.profile));
+    protected.extend(arguments.profile.as_deref().and_then(profile_file));
     Output::create(plot, Accepted::FileOrStream, &protected).map_err(|error| error.to_string())
 }
 
@@ -101,7 +104,7 @@ fn filter_words(arguments: &SimulateArguments) -> FilterWords {
     }
 }
 
-fn machine(arguments: &SimulateArguments, frequency_hz: [f64; 2]) -> Result<Machine, String> {
+fn frame(arguments: &SimulateArguments, frequency_hz: [f64; 2]) -> Result<Machine, String> {
     let second = match &arguments.nozzle_second_slope {
         None => None,
         Some(text) => {

@@ -20,9 +20,9 @@ pub fn run(arguments: &SweepArguments) -> Result<ExitCode, String> {
         return Err("the job is read once for each value: give a file, not -".to_owned());
     }
     let sweep = keys(arguments)?;
-    let profile = ferrostep_profiles::text(&arguments.profile).map_err(|error| error.to_string())?;
+    let machine = machine::of_file(arguments.profile.as_deref(), arguments.rules, &arguments.file)?;
     let plot = arguments.plot.as_deref().map(|plot| plot_output(plot, arguments)).transpose()?;
-    let swept = sweep::sweep(&arguments.file, &profile, &arguments.profile, &sweep)
+    let swept = sweep::sweep(&arguments.file, &machine.text, &machine.origin, &sweep)
         .map_err(|error| format!("{}: {error}", input::name(&arguments.file)))?;
     if let Some(mut plot) = plot {
         plot.write_all(chart::draw(&swept).as_bytes()).map_err(|error| plot.failed(error).to_string())?;
@@ -41,7 +41,6 @@ pub fn budgets(
 ) -> Result<ExitCode, String> {
     let JobArguments { file, plate, profile, json, strict: _ } = job;
     let error_budget = Some(values);
-    let profile = machine::name_or_path(profile.as_deref()).to_owned();
     run(&SweepArguments {
         file,
         plate,
@@ -80,6 +79,6 @@ fn keys(arguments: &SweepArguments) -> Result<Sweep, String> {
 
 /// The chart, which must not replace what is read.
 fn plot_output(plot: &Path, arguments: &SweepArguments) -> Result<Output, String> {
-    let protected = inputs(&arguments.file, &arguments.profile);
+    let protected = inputs(&arguments.file, machine::name_or_path(arguments.profile.as_deref()));
     Output::create(plot, Accepted::FileOrStream, &protected).map_err(|error| error.to_string())
 }

@@ -3,6 +3,9 @@
 //! PrusaSlicer, SuperSlicer and Slic3r write `bed_shape` and `max_print_height` at the file's end,
 //! OrcaSlicer and Bambu Studio `printable_area` and `printable_height` at either end; Simplify3D
 //! writes the strokes of its machine at the beginning. Cura says only how far the part reaches.
+//!
+//! Prusa's family writes the limits of speed as `machine_max_feedrate_x`, OrcaSlicer and Bambu
+//! Studio as `machine_max_speed_x`; all of them write `machine_max_acceleration_x`.
 
 use std::fmt;
 
@@ -18,7 +21,31 @@ pub struct SlicedFor {
     part_mm: [[Option<f64>; 2]; 3],
     /// The first comment whose value is no travel.
     unreadable: Option<String>,
+    /// The printer's model.
+    model: Option<String>,
+    /// Limits by their key in a profile, one each of [`LIMITS`].
+    limits: [Option<f64>; LIMITS.len()],
+    /// Acceleration of travel moves, mm/s^2: not every slicer has one.
+    travel_mm_per_s2: Option<f64>,
+    /// True if the job sets these limits by commands.
+    emits_limits: bool,
 }
+
+const PRINT_KEY: &str = "acceleration_mm_per_s2.print";
+
+/// The limits, each by its keys in a slicer's comments, and by its key in a profile.
+const LIMITS: [(&[&str], &str); 10] = [
+    (&["machine_max_feedrate_x", "machine_max_speed_x"], "max_feed_mm_per_s.x"),
+    (&["machine_max_feedrate_y", "machine_max_speed_y"], "max_feed_mm_per_s.y"),
+    (&["machine_max_feedrate_z", "machine_max_speed_z"], "max_feed_mm_per_s.z"),
+    (&["machine_max_feedrate_e", "machine_max_speed_e"], "max_feed_mm_per_s.e"),
+    (&["machine_max_acceleration_x"], "max_acceleration_mm_per_s2.x"),
+    (&["machine_max_acceleration_y"], "max_acceleration_mm_per_s2.y"),
+    (&["machine_max_acceleration_z"], "max_acceleration_mm_per_s2.z"),
+    (&["machine_max_acceleration_e"], "max_acceleration_mm_per_s2.e"),
+    (&["machine_max_acceleration_extruding"], PRINT_KEY),
+    (&["machine_max_acceleration_retracting"], "acceleration_mm_per_s2.retract"),
+];
 
 impl SlicedFor {
     /// Takes in the comments of a text. The first of two equal keys counts.
@@ -47,7 +74,29 @@ impl SlicedFor {
             "MAXX" => reach(&mut self.part_mm[0][1], value),
             "MAXY" => reach(&mut self.part_mm[1][1], value),
             "MAXZ" => reach(&mut self.part_mm[2][1], value),
-            _ => true,
+            "printer_model" => {
+                self.model.get_or_insert_with(|| value.chars().filter(|each| !each.is_control()).take(60).collect());
+                true
+            }
+            "machine_limits_usage" => {
+                self.emits_limits |= value == "emit_to_gcode";
+                true
+            }
+            "machine_max_acceleration_travel" => {
+                self.travel_mm_per_s2 = self.travel_mm_per_s2.or(normal_mode(value));
+                true
+            }
+            "emit_machine_limits_to_gcode" => {
+                self.emits_limits |= value == "1";
+                true
+            }
+            _ => {
+                let known = LIMITS.iter().zip(&mut self.limits).find(|((keys, _), _)| keys.contains(&key));
+                if let Some((_, own)) = known {
+                    *own = own.or(normal_mode(value));
+                }
+                true
+            }
         };
         if !is_read && self.unreadable.is_none() {
             self.unreadable = Some(setting.chars().take(60).collect());
@@ -78,6 +127,22 @@ impl SlicedFor {
         self.unreadable.as_deref()
     }
 
+    /// The printer's model, if the slicer names it.
+    pub fn model(&self) -> Option<&str> {
+        self.model.as_deref().filter(|model| !model.is_empty())
+    }
+
+    /// The printer's limits as a profile has them, key and value; `None` where one is missing, or
+    /// where the job sets them by commands. Travel moves have the acceleration of printing if the
+    /// slicer names no other.
+    pub fn limits(&self) -> Option<Vec<(&'static str, f64)>> {
+        let own = LIMITS.iter().zip(self.limits).map(|((_, key), limit)| Some((*key, limit?)));
+        let mut limits: Vec<_> = own.collect::<Option<_>>()?;
+        let print = limits.iter().find(|(key, _)| *key == PRINT_KEY).map(|(_, limit)| *limit);
+        limits.extend(self.travel_mm_per_s2.or(print).map(|limit| ("acceleration_mm_per_s2.travel", limit)));
+        (!self.emits_limits).then_some(limits)
+    }
+
     /// The travel of the printer instead of another one, mm: lower and upper ends of X, Y and Z. A
     /// bed that is not said is the other's, made larger if the part reaches beyond it.
     pub fn travel_mm(&self, other_mm: [[f64; 2]; 3]) -> [[f64; 2]; 3] {
@@ -95,6 +160,11 @@ impl SlicedFor {
 
 fn finite(text: &str) -> Option<f64> {
     text.trim().parse().ok().filter(|number: &f64| number.is_finite())
+}
+
+/// The first of two values, which is that of the printer's normal mode.
+fn normal_mode(values: &str) -> Option<f64> {
+    travel(values.split(',').next().unwrap_or_default())
 }
 
 /// A length that a machine can travel.
@@ -138,6 +208,7 @@ impl fmt::Display for Shown {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
@@ -173,6 +244,24 @@ mod tests {
             let said = of(text);
             assert_eq!((said.travel_mm(OTHER_MM), said.unreadable()), (travel_mm, None), "{text}");
         }
+    }
+
+    #[test]
+    fn limits_are_all_or_none() {
+        let line = |(keys, _): &(&[&str], &str)| format!("; {} = 120,60\n", keys.last().unwrap());
+        let all: String = LIMITS.iter().map(line).collect();
+        let limits = of(&all).limits().unwrap();
+        assert_eq!((limits[0], limits[9]), (("max_feed_mm_per_s.x", 120.0), ("acceleration_mm_per_s2.retract", 120.0)));
+        for other in [
+            all.replace("speed_z = 120", "speed_z = fast"),
+            all.replace("acceleration_e = 120", "acceleration_e = 0"),
+            format!("{all}; machine_limits_usage = emit_to_gcode\n"),
+            format!("{all}; emit_machine_limits_to_gcode = 1\n"),
+        ] {
+            assert_eq!(of(&other).limits(), None, "{other}");
+        }
+        assert_eq!(of("; printer_model = Voron 2.4\n").model(), Some("Voron 2.4"));
+        assert_eq!(of("; printer_model = \n").model(), None);
     }
 
     #[test]
