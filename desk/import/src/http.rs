@@ -298,8 +298,8 @@ mod tests {
             ("HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\nhello", "no sizes"),
             ("HTTP/1.1 200 OK\r\nContent-Length: -1\r\n\r\n", "no number"),
             ("HTTP/1.1 200 OK\r\nContent-Encoding: gzip\r\n\r\n", "packed"),
-            ("HTTP/1.1 abc\r\n\r\n", "none of HTTP"),
-            ("ok T:20.0\n", "none of HTTP"),
+            ("HTTP/1.1 abc\r\n\r\n", "not HTTP"),
+            ("ok T:20.0\n", "not HTTP"),
         ] {
             let error = answer(text).unwrap_err();
             assert!(error.contains(expected), "{text:?}: {error}");
