@@ -5,5 +5,6 @@
 mod comparisons;
 mod kinds;
 mod pages;
+mod rest;
 mod rules;
 mod values;

@@ -22,11 +22,12 @@ use ferrostep_session::record::Observer;
 use ferrostep_session::remarks::{Remark, RemarkKind};
 use ferrostep_session::report::Stop;
 use ferrostep_session::rules::{ByRules, Piece, PlanObserver};
+use ferrostep_session::unread::Unread;
 use ferrostep_session::watch::Watch;
 use ferrostep_session::{JobReplies, Session};
 use ferrostep_show::{
     Chamber, ExecutedMove, Finding, Job, LimitTime, LineState, Machine, Marked, Outcome, Phase, PlannedMove, Recorder,
-    Recording, Remarked, RulesShown, SourceText, Surface, Temperature, Text, Weight,
+    Recording, Remarked, Rest, RestState, RulesShown, SourceText, Surface, Temperature, Text, Weight,
 };
 use ferrostep_simulator::nozzle::{NozzleError, NozzleSettings};
 
@@ -118,6 +119,8 @@ struct Lines<'a> {
     /// True if Z follows the measured bed.
     follows: bool,
     heats: &'a RefCell<Option<bool>>,
+    /// The lines after the one that stopped the job.
+    unread: Option<Unread>,
 }
 
 impl<P: Ports> Onlooker<P> for Lines<'_> {
@@ -144,6 +147,10 @@ impl<P: Ports> Onlooker<P> for Lines<'_> {
         (self.state.tool, self.state.nozzle_mm) = (tool, nozzle_10nm.map(millimetres));
         self.follow_bed(nozzle_10nm);
         self.recorder.borrow_mut().note_state(self.line, self.state);
+    }
+
+    fn stopped(&mut self, unread: Unread) {
+        self.unread = Some(unread);
     }
 }
 
@@ -177,6 +184,20 @@ fn surface(mesh: Mesh, nozzle_10nm: [i64; 3]) -> Surface {
         let planned_mm = ((z - height_mm) / (1.0 - height_mm / fade_mm)).min(fade_mm);
         height_mm * (1.0 - planned_mm / fade_mm).min(1.0)
     })
+}
+
+/// The state in which the rest of a job begins.
+fn rest_state<P: Ports>(printer: &Printer<'_, P>) -> RestState {
+    let state = printer.gcode_state();
+    let (tool, nozzle_10nm) = printer.tool_in_use();
+    RestState {
+        position_mm: std::array::from_fn(|axis| millimetres(state.machine_10nm[axis] + nozzle_10nm[axis])),
+        logical_mm: state.logical_10nm.map(millimetres),
+        is_relative: state.is_relative,
+        is_extruder_relative: state.is_extruder_relative,
+        is_inches: state.is_in_inches(),
+        tool,
+    }
 }
 
 fn millimetres(units_10nm: i64) -> f64 {
@@ -309,11 +330,26 @@ fn run<D: Desk>(
             measures: false,
             follows: false,
             heats: &heats,
+            unread: None,
         };
         let mut onlookers = (&mut watch, &mut lines);
         let run = job::run_watched(&mut source, &mut printer, &mut done, Macros::chosen(), &mut onlookers, look);
         let outcome = session.run_with(run, between);
         watch.end_of_text(outcome.is_ok());
+        if let (Err(error), Some(unread)) = (&outcome, lines.unread.take()) {
+            let mut rest = Rest::new(rest_state(&printer), filament_mm2(session.profile()));
+            let mut follow = |line, words: &str| {
+                let marked = text.borrow_mut().at(line);
+                rest.follow(line, words, marked, |node| recorder.borrow_mut().rest(node));
+            };
+            // The line that was refused asks for a place, too, unless it is damaged.
+            if let JobError::Line { line, text, .. } = error
+                && *line == lines.line
+            {
+                follow(*line, text);
+            }
+            unread.read(&mut source, follow);
+        }
         (outcome, text)
     };
     watch.end(&session.heating(), outcome.is_ok());

@@ -53,6 +53,11 @@ impl<'a> Ahead<'a> {
         &self.waiting
     }
 
+    /// The bytes that have been read before their turn.
+    pub fn waiting(&self) -> &[u8] {
+        &self.waiting
+    }
+
     fn read(&mut self, portion: &mut Vec<u8>) -> io::Result<()> {
         portion.resize(PORTION_BYTES, 0);
         loop {

@@ -11,6 +11,7 @@ use crate::ahead::{Ahead, PORTION_BYTES};
 use crate::comments::Comments;
 use crate::macros::{FileMacros, Macros};
 use crate::remarks::RemarkKind;
+use crate::unread::Unread;
 
 /// Reason for which a job stopped before its end.
 #[derive(Debug)]
@@ -106,6 +107,8 @@ pub trait Onlooker<P: Ports> {
     fn marked(&mut self, _line: u32, _mark: &Mark) {}
     /// Called with a remark on a line for which the desk stands in.
     fn remarked(&mut self, _kind: RemarkKind, _line: u32, _message: &str) {}
+    /// Called with the lines after the one that stops the job.
+    fn stopped(&mut self, _unread: Unread) {}
 }
 
 /// No observer.
@@ -139,9 +142,15 @@ impl<P: Ports, O: Onlooker<P>> Onlooker<P> for Option<O> {
             onlooker.remarked(kind, line, message);
         }
     }
+
+    fn stopped(&mut self, unread: Unread) {
+        if let Some(onlooker) = self {
+            onlooker.stopped(unread);
+        }
+    }
 }
 
-/// Two observers, one after the other.
+/// Two observers, one after the other; what is left unread is the second's.
 impl<P: Ports, A: Onlooker<P>, B: Onlooker<P>> Onlooker<P> for (&mut A, &mut B) {
     fn begins(&mut self, printer: &Printer<'_, P>, line: u32, text: &str) {
         self.0.begins(printer, line, text);
@@ -161,6 +170,10 @@ impl<P: Ports, A: Onlooker<P>, B: Onlooker<P>> Onlooker<P> for (&mut A, &mut B) 
     fn remarked(&mut self, kind: RemarkKind, line: u32, message: &str) {
         self.0.remarked(kind, line, message);
         self.1.remarked(kind, line, message);
+    }
+
+    fn stopped(&mut self, unread: Unread) {
+        self.1.stopped(unread);
     }
 }
 
@@ -216,7 +229,12 @@ async fn lines<P: Ports>(
             let (used, line) = reader.feed(portion);
             portion = &portion[used..];
             if let Some(line) = line {
-                execute(printer, line, progress, (&mut macros, input), onlooker).await?;
+                let outcome = execute(printer, line, progress, (&mut macros, input), onlooker).await;
+                if outcome.is_err() {
+                    let unread = [portion, input.waiting()].concat();
+                    onlooker.stopped(Unread::new(reader, unread));
+                    return outcome;
+                }
             }
         }
         progress.lines = reader.lines_ended();

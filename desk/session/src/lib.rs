@@ -32,6 +32,7 @@ mod session;
 pub mod settings_file;
 pub mod summed_up;
 pub mod took;
+pub mod unread;
 mod version;
 pub mod watch;
 

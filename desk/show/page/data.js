@@ -36,20 +36,29 @@ function readColumns(columns, bytes) {
 async function load() {
   const description = JSON.parse(document.getElementById('description').textContent);
   const [bytes, lineBytes] = await Promise.all([unpack('data'), unpack('lines')]);
-  const c = readColumns(description.columns, bytes);
-  const n = c.time.length;
+  const path = readColumns(description.columns, bytes);
+  // What follows the executed nodes is the rest of a job that has stopped. Columns of heat come
+  // after those of nodes.
+  const n = description.executed;
+  const names = description.columns.map(({ name }) => name);
+  const nodeNames = names.slice(0, names.indexOf('heatTime'));
+  const c = Object.fromEntries(names.map((name) => [name, nodeNames.includes(name) ? path[name].subarray(0, n) : path[name]]));
+  const rest = restOf(path, n);
   // Where each layer begins, in time.
   const layerStart = [0];
   for (let i = 1; i < n; i++) while (layerStart.length <= c.layer[i]) layerStart.push(i - 1);
   layerStart.push(n - 1);
-  const layers = layerStart.length - 1;
+  const executedLayers = layerStart.length - 1;
+  const layers = Math.max(executedLayers, rest.count ? rest.layers[rest.count - 1] + 1 : 0);
+  while (layerStart.length <= layers) layerStart.push(n - 1);
   const layerTime = new Float32Array(layers);
   const layerZ = new Float32Array(layers);
   for (let i = 1; i < n; i++) {
     if (c.kind[i] !== KIND.heating && c.kind[i] !== KIND.homing) layerTime[c.layer[i]] += c.time[i] - c.time[i - 1];
     if (c.kind[i] === KIND.print) layerZ[c.layer[i]] = c.z[i];
   }
-  const print = { ...description, c, n, layers, layerStart, layerTime, layerZ, source: sourceLines(lineBytes), featureColour: featureColours(description.features) };
+  for (let i = n; i < n + rest.count; i++) if (path.kind[i] === KIND.print) layerZ[path.layer[i]] = path.z[i];
+  const print = { ...description, c, n, path, rest, layers, executedLayers, layerStart, layerTime, layerZ, source: sourceLines(lineBytes), featureColour: featureColours(description.features) };
   // Where nothing is printed, the path itself is what there is to see.
   print.main = c.kind.includes(KIND.print) ? KIND.print : KIND.travel;
   Object.assign(print, heightsOf(print));
@@ -80,6 +89,11 @@ function beadHeight({ c, layerHeight }, i) {
 
 function beadWidth(print, i) {
   return print.c.width[i] || print.c.bead[i] / beadHeight(print, i);
+}
+
+// The same as it is drawn: a thin line is seen, and damage does not hide the part.
+function drawnWidth(print, i) {
+  return Math.min(3, Math.max(0.15, beadWidth(print, i)));
 }
 
 // The lowest and the highest place of what there is to see from a part on, mm; null without any.

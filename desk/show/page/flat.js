@@ -6,26 +6,26 @@ const QUICK_LINES = 6000;
 
 function flatOn(canvas, print) {
   const context = canvas.getContext('2d');
-  const { c, n } = print;
+  const { path, n } = print;
   let values = null;
-  let widths = new Float32Array(n);
+  let widths = new Float32Array(path.time.length);
   const grid = gridLines(print.job.travel_mm);
   return {
     name: '2D canvas',
     colour(now) { values = now; },
     widths(now) { widths = now; },
-    coarse(first, last, started, theme, ratio, drawn) {
-      draw(first, last, started, theme, ratio, QUICK_LINES);
+    coarse(shown, theme, ratio, drawn) {
+      draw(shown, theme, ratio, QUICK_LINES);
       drawn();
     },
-    whole(first, last, started, theme, ratio, how, drawn) {
-      draw(first, last, started, theme, ratio, FLAT_LINES);
+    whole(shown, theme, ratio, how, drawn) {
+      draw(shown, theme, ratio, FLAT_LINES);
       drawn();
       return true;
     },
   };
 
-  function draw(first, last, started, theme, ratio, most) {
+  function draw({ first, last, started, rest }, theme, ratio, most) {
     setPixels(canvas, ratio);
     const { width, height } = canvas;
     const place = projection(width, height);
@@ -45,16 +45,19 @@ function flatOn(canvas, print) {
     }
     const part = (i, end) => {
       if (widths[i] < -0.5) return;
-      const a = place(c.x[i - 1], c.y[i - 1], c.z[i - 1]);
+      const a = place(path.x[i - 1], path.y[i - 1], path.z[i - 1]);
       const b = place(...end);
       if (!a || !b) return;
-      const value = (values.values[2 * i] + values.values[2 * i + 1]) / 2;
-      context.strokeStyle = css(values.table, (value - values.low) / (values.high - values.low));
+      const value = i < n ? (values.values[2 * i] + values.values[2 * i + 1]) / 2 : 0;
+      context.strokeStyle = i >= n ? theme.rest : css(values.table, (value - values.low) / (values.high - values.low));
       context.lineWidth = Math.max(ratio, widths[i] * height / (2 * FIELD * b[2]));
       line(a, b);
     };
     // The latest parts lie on top.
-    for (let i = Math.max(first, last - most); i < last; i++) part(i, [c.x[i], c.y[i], c.z[i]]);
+    const parts = (from, to, room) => { for (let i = Math.max(from, to - room); i < to; i++) part(i, [path.x[i], path.y[i], path.z[i]]); };
+    const asked = Math.min(most / 2, rest[1] - rest[0]);
+    parts(first, last, most - asked);
+    parts(...rest, asked);
     if (started) part(started.i, started.position);
   }
 }

@@ -2,7 +2,7 @@
 
 const KEYS = [
   ['Space', 'play, pause'], [', .', 'the move before, the next'], ['[ ]', 'a layer down, up'], ['arrows', 'turn'], ['+ −', 'zoom'], ['Home 7 1 3', 'views'],
-  ['C', 'next colour'], ['T', 'travels'], ['L', 'one layer'], ['S R P X', 'seams, retractions, pauses, colour changes'], ['G', 'go to a line'], ['F', 'fold the panels'],
+  ['C', 'next colour'], ['T', 'travels'], ['L', 'one layer'], ['N', 'what was not executed'], ['S R P X', 'seams, retractions, pauses, colour changes'], ['G', 'go to a line'], ['F', 'fold the panels'],
   ['drag, wheel', 'turn, zoom; with Shift or two fingers: move'],
 ];
 
@@ -29,7 +29,7 @@ function keysOn({ state, box, step, layerStep, play, stop, setMode, touched }) {
     '[': () => layerStep(-1), ']': () => layerStep(1),
     '+': () => zoom(0.85), '=': () => zoom(0.85), '-': () => zoom(1 / 0.85),
     7: () => look(box(), 'top'), 1: () => look(box(), 'front'), 3: () => look(box(), 'side'),
-    c: nextMode, t: click('travels'), l: click('single'), f: fold,
+    c: nextMode, t: click('travels'), l: click('single'), n: click('rest'), f: fold,
     s: click('place-seams'), r: click('place-retractions'), p: click('place-pauses'), x: click('place-changes'),
     g: () => { byId('goto').focus(); byId('goto').select(); },
   };

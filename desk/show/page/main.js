@@ -7,7 +7,7 @@ function themeNow() {
   const get = (name) => style.getPropertyValue(name).trim();
   const grid = rgb(get('--grid'));
   return { text: get('--text'), faint: get('--faint'), line: get('--line'), speed: get('--speed'), flow: get('--flow'), nozzle: get('--nozzle'),
-    bed: get('--bed'), chamber: get('--chamber'), warning: get('--warning'), accent: get('--accent'), grid: [...grid, Number(get('--grid-alpha'))], gridCss: get('--grid'),
+    bed: get('--bed'), rest: get('--rest'), chamber: get('--chamber'), warning: get('--warning'), accent: get('--accent'), grid: [...grid, Number(get('--grid-alpha'))], gridCss: get('--grid'),
     kinds: ['--k-travel', '--k-print', '--k-retract', '--k-prime', '--k-homing', '--k-heating', '--k-wait'].map(get) };
 }
 
@@ -17,7 +17,7 @@ async function main() {
   const { c, n } = print;
   const end = c.time[n - 1];
   let theme = themeNow();
-  const state = { time: end, playing: false, factor: 60, low: 0, high: print.layers - 1, mode: 'speed', hovered: null, last: 0, isSlow: false, hiddenFeatures: new Set(), places: new Set(), touched: -1000, isTouched: false, moved: 0, rest: 0 };
+  const state = { time: end, playing: false, factor: 60, low: 0, high: print.layers - 1, mode: 'speed', hovered: null, last: 0, isSlow: false, hiddenFeatures: new Set(), places: new Set(), touched: -1000, isTouched: false, moved: 0, rest: 0, isRestShown: false };
 
   const canvas = byId('space');
   const overlay = byId('overlay');
@@ -26,7 +26,7 @@ async function main() {
   state.isSlow = Boolean(space.isSlow);
   const charts = chartsOn(byId('charts'), print);
   let colours = null;
-  let widths = new Float32Array(n);
+  const widths = new Float32Array(print.path.time.length);
   let box = null;
 
   const jump = (time) => { goTo(time); flash(); };
@@ -39,13 +39,14 @@ async function main() {
   showFindings(print, jump);
   showFeatures(print, state, setWidths);
   showPlaces(print, state, changed);
+  showRest(print, state, changed);
   byId('loading').remove();
 
   // What there is to see, without a line at the bed's edge that primes the nozzle if there is more
   // than one layer.
   function bounds() {
-    const afterFirst = print.layers > 2 && print.main === KIND.print ? print.layerStart[1] + 1 : 0;
-    const found = extentOf(print, Math.max(print.partStart, afterFirst)) ?? extentOf(print, 1);
+    const afterFirst = print.executedLayers > 2 && print.main === KIND.print ? print.layerStart[1] + 1 : 0;
+    const found = extentWithRest(print, extentOf(print, Math.max(print.partStart, afterFirst)) ?? extentOf(print, 1));
     if (!found) return [[0, 0, 0], [100, 100, 50]];
     found[0][2] = Math.min(found[0][2], 0);
     return found;
@@ -55,9 +56,10 @@ async function main() {
     const isTravel = byId('travels').checked;
     for (let i = 1; i < n; i++) {
       const kind = c.kind[i];
-      if (kind === KIND.print) widths[i] = state.hiddenFeatures.has(c.feature[i]) ? -1 : Math.min(3, Math.max(0.15, beadWidth(print, i)));
+      if (kind === KIND.print) widths[i] = state.hiddenFeatures.has(c.feature[i]) ? -1 : drawnWidth(print, i);
       else widths[i] = isTravel && (kind === KIND.travel || kind === KIND.homing) ? 0 : -1;
     }
+    setRestWidths(print, widths);
     space.widths(widths);
     changed();
   }
@@ -77,7 +79,8 @@ async function main() {
     const now = stateAt(print, state.time);
     const begun = Math.min(last, now.i);
     const started = now.i >= first && now.i < last && now.share < 1 ? { i: now.i, position: now.position, share: now.share } : null;
-    return { first, last: started ? begun : Math.min(last, now.i + 1), started, now };
+    const rest = state.isRestShown ? restBetween(print.rest, state.low, state.high) : [n, n];
+    return { first, last: started ? begun : Math.min(last, now.i + 1), started, rest, now };
   }
 
   let isDue = false;
@@ -120,16 +123,17 @@ async function main() {
     const ratio = Math.min(2, window.devicePixelRatio || 1);
     const { clientWidth: width, clientHeight: height } = canvas;
     setPixels(overlay, ratio);
-    const { first, last, started, now } = range();
+    const shown = range();
+    const { now } = shown;
     // A slow machine draws a coarse picture while something moves, and the whole one when it rests,
     // some parts in each frame.
     const isMoving = state.playing || state.isTouched;
     const isQuick = state.isSlow && (state.isTouched || performance.now() - state.touched < 250);
     state.isTouched = false;
     let isComplete = false;
-    if (!isQuick) isComplete = space.whole(first, last, started, theme, ratio, { isSlow: state.isSlow, isPlaying: state.playing }, startDrawing());
+    if (!isQuick) isComplete = space.whole(shown, theme, ratio, { isSlow: state.isSlow, isPlaying: state.playing }, startDrawing());
     if (isQuick || state.playing && !isComplete) {
-      space.coarse(first, last, started, theme, ratio, startDrawing());
+      space.coarse(shown, theme, ratio, startDrawing());
       drawn.quick += 1;
     }
     drawn.isWhole = isComplete;
@@ -189,8 +193,9 @@ async function main() {
     }
     if (state.hovered) {
       const { i } = state.hovered;
-      const a = place(c.x[i - 1], c.y[i - 1], c.z[i - 1]);
-      const b = place(c.x[i], c.y[i], c.z[i]);
+      const { path } = print;
+      const a = place(path.x[i - 1], path.y[i - 1], path.z[i - 1]);
+      const b = place(path.x[i], path.y[i], path.z[i]);
       if (a && b) {
         for (const [colour, line] of [['#000', 6], ['#fff', 3]]) {
           context.strokeStyle = colour;
@@ -294,28 +299,32 @@ async function main() {
 
   // The visible part of the path nearest to a pixel; of those the one nearest to the eye.
   function pick(px, py) {
-    const { first, last } = range();
+    const { first, last, rest } = range();
+    const { path } = print;
     const place = projection(canvas.clientWidth, canvas.clientHeight);
     let best = null;
     let a = null;
     let aIndex = -1;
-    for (let i = first; i < last; i++) {
-      if (widths[i] < -0.5) continue;
-      if (aIndex !== i - 1) a = place(c.x[i - 1], c.y[i - 1], c.z[i - 1]);
-      const b = place(c.x[i], c.y[i], c.z[i]);
+    const look = (i) => {
+      if (widths[i] < -0.5) return;
+      if (aIndex !== i - 1) a = place(path.x[i - 1], path.y[i - 1], path.z[i - 1]);
+      const b = place(path.x[i], path.y[i], path.z[i]);
       const from = a;
       [a, aIndex] = [b, i];
-      if (!from || !b) continue;
+      if (!from || !b) return;
       const [dx, dy] = [b[0] - from[0], b[1] - from[1]];
       const squared = dx * dx + dy * dy;
       const along = squared > 0 ? Math.min(1, Math.max(0, ((px - from[0]) * dx + (py - from[1]) * dy) / squared)) : 0;
       const off = Math.hypot(px - from[0] - along * dx, py - from[1] - along * dy);
       const depth = from[2] + (b[2] - from[2]) * along;
       const reach = Math.max(4, widths[i] * canvas.clientHeight / (4 * FIELD * depth));
-      if (off > reach) continue;
+      if (off > reach) return;
       if (!best || depth < best.depth - 0.2 || (depth < best.depth + 0.2 && off < best.off)) best = { i, along, depth, off };
-    }
+    };
+    for (let i = first; i < last; i++) look(i);
+    for (let i = rest[0]; i < rest[1]; i++) look(i);
     if (!best) return null;
+    if (best.i >= n) return { i: best.i, time: end };
     const duration = c.time[best.i] - c.time[best.i - 1];
     return { i: best.i, time: c.time[best.i - 1] + Math.max(1e-6, best.along * duration) };
   }
@@ -327,13 +336,15 @@ async function main() {
     const tip = byId('tip');
     tip.hidden = !state.hovered;
     if (state.hovered) {
+      const { path } = print;
       const at = hoveredState();
-      const { i } = at;
+      const i = state.hovered.i >= n ? state.hovered.i : at.i;
       const [from, to] = [colours.values[2 * i], colours.values[2 * i + 1]];
       const value = colours.mode.names ? '' : formatted(colours.mode, from + (to - from) * at.share);
-      const text = print.source.line(c.line[i]);
-      tip.replaceChildren(make('b', `line ${c.line[i]}`), make('code', text === null ? '' : text.slice(0, 60)),
-        make('span', [value, `${at.speed.toFixed(0)} mm/s`, c.kind[i] === KIND.print ? print.features[c.feature[i]] : KIND_NAMES[c.kind[i]]].filter(Boolean).join(' · ')));
+      const values = i >= n ? ['not executed'] : [value, `${at.speed.toFixed(0)} mm/s`];
+      const text = print.source.line(path.line[i]);
+      tip.replaceChildren(make('b', `line ${path.line[i]}`), make('code', text === null ? '' : text.slice(0, 60)),
+        make('span', [...values, path.kind[i] === KIND.print ? print.features[path.feature[i]] : KIND_NAMES[path.kind[i]]].filter(Boolean).join(' · ')));
       const [tipWidth, tipHeight] = [tip.offsetWidth, tip.offsetHeight];
       tip.style.left = `${Math.min(bounds.width - tipWidth - 6, x + 14)}px`;
       tip.style.top = `${y + 18 + tipHeight > bounds.height ? y - tipHeight - 10 : y + 18}px`;

@@ -17,7 +17,7 @@ function showHeader(print) {
   figure('print time', words(job.print_time_s), heating > 0.5 ? `${words(heating)} of it heating` : '');
   if (job.slicer_time_s) figure('the slicer says', words(job.slicer_time_s), slicerNote(print) ?? '');
   figure('filament', `${(job.filament_mm / 1000).toFixed(2)} m`, `${(job.filament_mm * job.filament_mm2 / 1000).toFixed(1)} cm³`);
-  if (print.hasHeight) figure('layers', String(print.layers), `${print.height.toFixed(2)} mm`);
+  if (print.hasHeight) figure('layers', String(print.executedLayers), `${print.height.toFixed(2)} mm`);
   figure('moves', job.moves.toLocaleString('en'));
 }
 
@@ -98,6 +98,7 @@ function showAbout(print, how) {
     say('The print ran on a virtual board with the code that runs on the printer\'s. The path, its speeds and times are those of the motors\' steps, sampled each millisecond: what the firmware does, not what the file asks for.');
     say(`Pressure in the nozzle is a model: filament compresses, and flows out with a time constant of ${print.job.nozzle_time_constant_s} s.`);
   }
+  if (print.rest.count) say('The job stops: what is grey was not executed. It is drawn as the lines ask for, and counts in no time, length or filament.');
   if (print.left_out) {
     say(`This job is too large for a page: ${print.left_out.toLocaleString('en')} of its points were left out. Every layer is drawn within ${print.tolerance_mm.toFixed(2)} mm of its path; sums, times and extremes are of all points.`);
   }

@@ -8,6 +8,7 @@ uniform highp sampler2D values; // of each part: at its beginning and its end
 uniform highp usampler2D chords; // of each part of a coarse path: the nodes where it begins and ends
 uniform bool isCoarse;
 uniform bool isGrid;
+uniform int restFrom; // parts that end here or later were not executed
 uniform int startedPart; // this part ends at \`startedEnd\`
 uniform vec3 startedEnd;
 uniform mat4 clip;
@@ -15,6 +16,7 @@ uniform vec3 eye;
 uniform vec2 range;
 uniform vec3 sizes; // thickness of a layer, width of a pixel at distance 1, width of thin lines in pixels
 out float share;
+flat out int isRest;
 out float across;
 out vec3 side;
 out vec3 toward;
@@ -37,6 +39,7 @@ void main() {
     first = 2 * part;
     last = first + 1;
   }
+  isRest = !isGrid && last >= restFrom ? 1 : 0;
   vec3 from = texelFetch(places, texel(first), 0).xyz;
   vec4 target = texelFetch(places, texel(last), 0);
   vec3 to = !isCoarse && part == startedPart ? startedEnd : target.xyz;
@@ -68,15 +71,17 @@ void main() {
 const FRAGMENT = `#version 300 es
 precision highp float;
 in float share;
+flat in int isRest;
 in float across;
 in vec3 side;
 in vec3 toward;
 uniform sampler2D colours;
+uniform vec3 grey; // colour of parts that were not executed
 uniform vec4 plain; // colour of lines without values; a of 0: coloured by value
 out vec4 colour;
 void main() {
   if (plain.a > 0.0) { colour = vec4(plain.rgb * plain.a, plain.a); return; }
-  vec3 base = texture(colours, vec2(clamp(share, 0.0, 1.0) * (255.0 / 256.0) + 0.5 / 256.0, 0.5)).rgb;
+  vec3 base = isRest == 1 ? grey : texture(colours, vec2(clamp(share, 0.0, 1.0) * (255.0 / 256.0) + 0.5 / 256.0, 0.5)).rgb;
   vec3 normal = normalize(side * across + toward * sqrt(max(0.0, 1.0 - across * across)));
   float sun = max(0.0, dot(normal, normalize(vec3(-0.35, -0.55, 0.78))));
   float facing = max(0.0, dot(normal, toward));
@@ -105,19 +110,20 @@ const SAMPLES = 4;
 const ROW = 2048;
 
 // Parts of a coarse path: some layers, thicker, and chords instead of short parts.
-function coarsePath({ c, n, layers, main }, most) {
+function coarsePath({ path: c, n, layers, main, rest }, most) {
+  const total = n + rest.count;
   let stride = Math.max(1, Math.ceil(layers / 90));
   for (let reach = 0.8; ; reach *= 1.5) {
     const [from, to] = [[], []];
     let start = -1;
-    for (let i = 1; i <= n; i++) {
-      const isPart = i < n && c.kind[i] === main && c.layer[i] % stride === 0;
+    for (let i = 1; i <= total; i++) {
+      const isPart = i < total && c.kind[i] === (i < n ? main : rest.main) && c.layer[i] % stride === 0;
       if (start >= 0) {
         const [ux, uy] = [c.x[i - 1] - c.x[start], c.y[i - 1] - c.y[start]];
         const length = Math.hypot(ux, uy);
         const [vx, vy] = isPart ? [c.x[i] - c.x[i - 1], c.y[i] - c.y[i - 1]] : [0, 0];
         const turns = ux * vx + uy * vy < 0.94 * length * Math.hypot(vx, vy);
-        if (!isPart || length > 4 * reach || turns && length > reach / 4 || c.feature[i] !== c.feature[start + 1]) {
+        if (!isPart || i === n || length > 4 * reach || turns && length > reach / 4 || c.feature[i] !== c.feature[start + 1]) {
           if (length > reach / 4) { from.push(start); to.push(i - 1); }
           start = -1;
         }
@@ -180,7 +186,7 @@ function spaceOn(canvas, print) {
   gl.linkProgram(program);
   if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
   gl.useProgram(program);
-  const names = ['clip', 'eye', 'range', 'sizes', 'plain', 'isCoarse', 'isGrid', 'startedPart', 'startedEnd'];
+  const names = ['clip', 'eye', 'range', 'sizes', 'plain', 'grey', 'restFrom', 'isCoarse', 'isGrid', 'startedPart', 'startedEnd'];
   const at = Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(program, name)]));
   gl.bindVertexArray(gl.createVertexArray());
 
@@ -212,9 +218,11 @@ function spaceOn(canvas, print) {
     gl.texImage2D(gl.TEXTURE_2D, 0, gl[inner], ROW, rows, 0, gl[format], gl[type], whole);
   };
   const PLACES = ['RGBA32F', 'RGBA', 'FLOAT'];
-  const { c, n } = print;
-  const places = new Float32Array(4 * ROW * rowsOf(n));
-  for (let i = 0; i < n; i++) places.set([c.x[i], c.y[i], c.z[i]], 4 * i);
+  const { path, n } = print;
+  const total = path.time.length;
+  const places = new Float32Array(4 * ROW * rowsOf(total));
+  for (let i = 0; i < total; i++) places.set([path.x[i], path.y[i], path.z[i]], 4 * i);
+  gl.uniform1i(at.restFrom, n);
   const placeTexture = texture();
   const valueTexture = texture();
   const colourTexture = texture();
@@ -228,12 +236,12 @@ function spaceOn(canvas, print) {
   const levels = [];
   const coarseAt = (level) => {
     if (!levels[level]) {
-      const path = coarsePath(print, COARSE_PARTS[level]);
-      const chords = new Uint32Array(2 * path.to.length);
-      path.to.forEach((to, k) => chords.set([path.from[k], to], 2 * k));
+      const coarse = coarsePath(print, COARSE_PARTS[level]);
+      const chords = new Uint32Array(2 * coarse.to.length);
+      coarse.to.forEach((to, k) => chords.set([coarse.from[k], to], 2 * k));
       const made = texture();
       fill(UNITS.chords, made, ['RG32UI', 'RG_INTEGER', 'UNSIGNED_INT'], 2, chords);
-      levels[level] = { ...path, texture: made };
+      levels[level] = { ...coarse, texture: made };
     }
     return levels[level];
   };
@@ -256,9 +264,9 @@ function spaceOn(canvas, print) {
     }
     painted.view = '';
   };
-  // What lies on the picture beside the canvas: the view, the parts from `first` to before `last`,
-  // and a share of the part after them.
-  const painted = { view: '', first: 0, last: 0, share: 0 };
+  // What lies on the picture beside the canvas: the view, the parts from `first` to before `last`, a
+  // share of the part after them, and parts that were not executed, `rest` of them so far.
+  const painted = { view: '', first: 0, last: 0, share: 0, rest: 0, asked: '' };
   let version = 0;
 
   const told = gl.getExtension('WEBGL_debug_renderer_info');
@@ -301,6 +309,7 @@ function spaceOn(canvas, print) {
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     gl.uniform4fv(at.plain, theme.grid);
+    gl.uniform3fv(at.grey, rgb(theme.rest));
     gl.uniform1i(at.isGrid, 1);
     use(UNITS.places, gridTexture);
     gl.drawArrays(gl.TRIANGLES, 0, 6 * gridCount);
@@ -330,43 +339,48 @@ function spaceOn(canvas, print) {
       version += 1;
     },
     widths(widths) {
-      for (let i = 0; i < n; i++) places[4 * i + 3] = widths[i];
+      for (let i = 0; i < total; i++) places[4 * i + 3] = widths[i];
       fill(UNITS.places, placeTexture, PLACES, 4, places);
       version += 1;
     },
     // Draws a coarse picture at once, with half as many pixels each way, of the parts that end at
-    // nodes from `first` to before `last`, and a started one up to a place.
-    coarse(first, last, started, theme, ratio, drawn) {
+    // nodes from `first` to before `last`, a started one up to a place, and those of the rest.
+    coarse({ first, last, started, rest }, theme, ratio, drawn) {
       const began = performance.now();
-      const path = coarseAt(fineness.now.level);
+      const coarse = coarseAt(fineness.now.level);
       setPixels(canvas, ratio / 2);
       gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-      begin(canvas.width, canvas.height, print.height * path.stride, ratio / 2);
+      begin(canvas.width, canvas.height, print.height * coarse.stride, ratio / 2);
       drawGrid(theme);
       beginParts();
-      const [from, to] = [lowerBound(path.to, first), lowerBound(path.to, last)];
       gl.uniform1i(at.isCoarse, 1);
-      if (to > from) gl.drawArrays(gl.TRIANGLES, 6 * from, 6 * (to - from));
+      fineness.now.drawn = 0;
+      for (const ends of [[first, last], rest]) {
+        const [from, to] = ends.map((end) => lowerBound(coarse.to, end));
+        if (to > from) gl.drawArrays(gl.TRIANGLES, 6 * from, 6 * (to - from));
+        fineness.now.drawn += Math.max(0, to - from);
+      }
       gl.uniform1i(at.isCoarse, 0);
       drawStarted(started);
       whenDrawn(began, (took) => {
         fineness.coarse(took, performance.now());
         drawn();
       });
-      fineness.now.drawn = to - from;
     },
     // Draws the whole picture, on a slow machine as many of its parts as fit into a frame, or while
     // it plays nothing if not all of them do; whether it is complete, and so is shown.
-    whole(first, last, started, theme, ratio, { isSlow, isPlaying }, drawn) {
+    whole({ first, last, started, rest: [restFirst, restLast] }, theme, ratio, { isSlow, isPlaying }, drawn) {
       const [width, height] = pixelsOf(canvas, ratio);
       const began = performance.now();
       sizeBeside(width, height);
       const view = [...matrix(width / height), version, theme.gridCss].join();
       const share = started ? started.share : 0;
       const isBefore = painted.last > last || painted.last === last && painted.share > share;
-      const isNew = painted.view !== view || painted.first !== first || isBefore;
+      const asked = `${restFirst} ${restLast}`;
+      const isNew = painted.view !== view || painted.first !== first || painted.asked !== asked || isBefore;
+      const before = isNew ? { last: first, rest: restFirst } : painted;
       const most = isSlow ? Math.round(fineness.now.parts * (isPlaying ? PLAYED_PART : 1)) : Infinity;
-      if (isPlaying && last - (isNew ? first : painted.last) > most) {
+      if (isPlaying && last - before.last + restLast - before.rest > most) {
         drawn();
         return false;
       }
@@ -374,15 +388,18 @@ function spaceOn(canvas, print) {
       begin(width, height, print.height, ratio);
       if (isNew) {
         drawGrid(theme);
-        Object.assign(painted, { view, first, last: first });
+        Object.assign(painted, { view, first, last: first, asked, rest: restFirst });
       }
       painted.share = share;
       beginParts();
-      const until = Math.min(last, painted.last + most);
-      const parts = until - painted.last;
-      if (parts > 0) gl.drawArrays(gl.TRIANGLES, 6 * painted.last, 6 * parts);
-      painted.last = Math.max(until, first);
-      const isComplete = until >= last;
+      // The rest first: the executed parts grow while the print plays.
+      const restUntil = Math.min(restLast, painted.rest + most);
+      const restParts = restUntil - painted.rest;
+      const until = Math.min(last, painted.last + most - restParts);
+      for (const [from, to] of [[painted.rest, restUntil], [painted.last, until]]) if (to > from) gl.drawArrays(gl.TRIANGLES, 6 * from, 6 * (to - from));
+      const parts = restParts + until - painted.last;
+      [painted.rest, painted.last] = [restUntil, Math.max(until, first)];
+      const isComplete = until >= last && restUntil >= restLast;
       if (isComplete) {
         drawStarted(started);
         setPixels(canvas, ratio);
@@ -396,7 +413,7 @@ function spaceOn(canvas, print) {
           drawn();
         });
       } else drawn();
-      fineness.now.drawn = painted.last - first;
+      fineness.now.drawn = painted.last - first + painted.rest - restFirst;
       return isComplete;
     },
   };

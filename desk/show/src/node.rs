@@ -59,6 +59,8 @@ pub struct Node {
     pub deviation_mm: f32,
     /// True if the part's move was slowed because the board could not keep up with it.
     pub is_slowed: bool,
+    /// True if the job stopped before the part, which lies where its line asks for.
+    pub is_rest: bool,
     /// Number of the limit that holds the part's speed, in the page's list of their names, from 1;
     /// 0: unknown.
     pub limit: u8,

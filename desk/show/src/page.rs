@@ -16,6 +16,7 @@ const STYLE: &str = include_str!("../page/page.css");
 const SCRIPT: &str = concat!(
     "'use strict';\n(() => {\n",
     include_str!("../page/data.js"),
+    include_str!("../page/rest.js"),
     include_str!("../page/features.js"),
     include_str!("../page/colours.js"),
     include_str!("../page/limits.js"),
@@ -98,6 +99,8 @@ struct Description<'a> {
     totals: &'a Totals,
     features: &'a [String],
     columns: Vec<Column>,
+    /// Number of nodes that were executed; the others are the rest of a job that stopped.
+    executed: usize,
     left_out: u64,
     tolerance_mm: f32,
     text_is_cut: bool,
@@ -115,6 +118,7 @@ pub fn write_page(out: &mut impl Write, job: &Job, recording: &Recording, text: 
         totals: &recording.totals,
         features: &text.features,
         columns,
+        executed: recording.nodes.iter().filter(|node| !node.is_rest).count(),
         left_out: recording.left_out,
         tolerance_mm: recording.tolerance_mm,
         text_is_cut: text.is_cut,

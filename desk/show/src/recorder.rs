@@ -106,6 +106,17 @@ impl Kept {
     }
 }
 
+impl Kept {
+    fn keep_rest(&mut self, mut node: Node) {
+        node.time_s = self.last.time_s;
+        if node.layer == UNMARKED {
+            node.layer = self.layers.note(&self.last, &node);
+        }
+        self.last = node;
+        self.nodes.push(node);
+    }
+}
+
 impl Recorder {
     /// Begins a record with the machine at zero.
     ///
@@ -244,6 +255,13 @@ impl Recorder {
         self.temperatures.note(temperature);
     }
 
+    /// A part that the job asks for after the line that stopped it. It has no time, and is counted
+    /// in nothing.
+    pub fn rest(&mut self, node: Node) {
+        self.settle(false);
+        self.nodes.keep_rest(node);
+    }
+
     /// Ends the record.
     pub fn finish(mut self) -> Recording {
         self.settle(false);
@@ -317,7 +335,7 @@ impl Recorder {
 
     /// Takes all samples up to now, when the motors are at rest.
     fn settle(&mut self, homes: bool) {
-        if self.is_planned {
+        if self.is_planned || self.nodes.last.is_rest {
             return;
         }
         self.sample(self.tick);

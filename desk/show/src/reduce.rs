@@ -186,6 +186,7 @@ impl Extremes {
     }
 
     fn contains(&self, node: &Node) -> bool {
-        self.most.iter().any(|(value, time_s)| *value > 0.0 && *time_s == node.time_s)
+        // The rest of a job that stopped has no speeds, and its time is that of the end.
+        !node.is_rest && self.most.iter().any(|(value, time_s)| *value > 0.0 && *time_s == node.time_s)
     }
 }

@@ -36,6 +36,13 @@ pub struct GcodeState {
     pub min_extrusion_celsius: f32,
 }
 
+impl GcodeState {
+    /// Returns true if lengths are in inches (G20).
+    pub fn is_in_inches(&self) -> bool {
+        self.units == Units::Inches
+    }
+}
+
 impl<'a, P: Ports> Printer<'a, P> {
     /// Returns the state in which the next line is read.
     pub fn gcode_state(&self) -> GcodeState {

@@ -3,7 +3,7 @@
 import { readFileSync } from 'node:fs';
 import vm from 'node:vm';
 
-const FILES = ['data', 'features', 'colours', 'limits', 'places', 'camera', 'source', 'legend', 'panels', 'pointers', 'keys'];
+const FILES = ['data', 'rest', 'features', 'colours', 'limits', 'places', 'camera', 'source', 'legend', 'panels', 'pointers', 'keys'];
 
 export function load(...names) {
   const text = FILES.map((name) => readFileSync(new URL(`../${name}.js`, import.meta.url), 'utf8')).join('\n');

@@ -31,6 +31,9 @@ pub(super) fn join(start: &Node, parts: &[Part], tolerance: &Tolerance) -> Optio
     let (last, before) = parts.split_last()?;
     let nodes = parts.iter().map(|part| part.nodes).fold(0, u32::saturating_add);
     let path_mm = parts.iter().map(|part| part.path_mm).sum();
+    if before.iter().any(|part| part.node.is_rest != last.node.is_rest) {
+        return None;
+    }
     if nodes <= tolerance.nodes {
         let node = parts.iter().map(|part| part.node).reduce(|first, second| louder(&first, &second))?;
         return Some(Part { node, path_mm, off_mm: LAST_TOLERANCE_MM, off_share: 1.0, nodes });

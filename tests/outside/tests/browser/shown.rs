@@ -127,3 +127,52 @@ fn chromium_shows_two_prints_beside_each_other() {
     assert!(ours < times[0] - 1.0 && (other - times[1]).abs() < 1.0, "{seen:#}");
     assert_eq!(seen["phone_overflow"], 0, "{seen:#}");
 }
+
+/// A filled square of four layers, whose third is stopped by a line.
+fn stopping() -> String {
+    let mut text = "G28\nM302 P1\nM83\n".to_owned();
+    for layer in 1..=4 {
+        text += &format!(";LAYER_CHANGE\n;TYPE:<img src=x onerror=alert(1)>\nG1 Z{:.1} F600\n", 0.2 * f64::from(layer));
+        for line in 0..100 {
+            let y = 60.0 + 0.4 * f64::from(line);
+            text += &format!("G0 X60 Y{y:.1} F6000\nG1 X100 E1.3 F3000\n");
+        }
+        text += if layer == 2 { "G1 X10 Q\"\n" } else { "" };
+    }
+    text
+}
+
+/// The rest of a job that stops is grey, in the legend, and switched by its key; sums leave it out.
+#[test]
+fn chromium_shows_the_rest_of_a_job_that_stops() {
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let page = folder.path().join("page.html");
+    std::fs::write(folder.path().join("job.gcode"), stopping()).unwrap();
+    let output = show(folder.path(), ["job.gcode", "-o", "page.html"]);
+    assert!(errors(&output).contains("line 410"), "{}", errors(&output));
+
+    let seen = python::run("rest_page.py", &[chromium().to_str().unwrap(), page.to_str().unwrap()]);
+    assert_eq!(seen["errors"], json!([]), "{seen:#}");
+    assert_eq!(seen["requests"], json!([]), "{seen:#}");
+    for way in ["WebGL", "2D canvas"] {
+        let drawn = &seen["drawn"][way];
+        let facts = &drawn["facts"];
+        assert_eq!(
+            (&facts["shown"], &facts["hidden"], &facts["legend"]),
+            (&json!(true), &json!(false), &json!("Not executed"))
+        );
+        assert_eq!((&facts["layers"], &facts["executed"]), (&json!(4), &json!(2)), "{facts:#}");
+        assert_eq!(facts["end"], facts["time"], "{facts:#}");
+        let text = |key: &str| facts[key].as_str().unwrap();
+        assert!(text("finding").starts_with("Stop") && text("finding").contains("line 410"), "{facts:#}");
+        assert!(text("figures").contains("0.26 m") && !text("shares").contains("executed"), "{facts:#}");
+        assert!(text("about").contains("grey was not executed"), "{facts:#}");
+        // The feature's name is text.
+        assert!(text("features").contains("<img src=x onerror=alert(1)>"), "{facts:#}");
+        assert_eq!(drawn["switched"], json!([false, false]), "{drawn:#}");
+        let [with, without, again, layer] = [0, 1, 2, 3].map(|look| number(&drawn["grey"][look]));
+        assert!(with > without + 0.05, "{way}: {drawn:#}");
+        assert!((again - with).abs() < 0.01 && layer > without + 0.05, "{way}: {drawn:#}");
+        assert!(drawn["tip"].as_str().unwrap().contains("line "), "{way}: {drawn:#}");
+    }
+}
