@@ -11,7 +11,7 @@ use crate::steps::Failure;
 use crate::system::{self, cargo};
 
 /// Names of the workbench's commands, each with its effect.
-pub const COMMANDS: [(&str, &str); 18] = [
+pub const COMMANDS: [(&str, &str); 17] = [
     (
         "firmware",
         "Build the firmware images of one board or all, as ELF, plain bytes and Intel HEX, and print their size tables; the first \
@@ -52,10 +52,6 @@ pub const COMMANDS: [(&str, &str); 18] = [
     (
         "step-edges",
         "Measure how close the edges of a trace's steps come on a board whose step interrupt is as late as its image allows",
-    ),
-    (
-        "klipper-table",
-        "Plan files by Klipper's rules and by the reference's, and print what frame and nozzle make of both",
     ),
     ("against-klipper", "Make the table of the book's page \"Against Klipper's rules\", and of other files the same"),
     ("feed-plot", "Draw feed against time for slow input and for a slow planner"),

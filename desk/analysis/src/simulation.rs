@@ -1,5 +1,6 @@
 //! A job or a trace on a simulated frame and nozzle: what `ferrostep simulate` measures.
 
+mod by_rules;
 mod filters;
 mod machine;
 mod observer;
@@ -24,13 +25,13 @@ use ferrostep_session::gpre;
 use ferrostep_session::input::{self, Input, InputError};
 use ferrostep_session::job::{self, JobError, JobProgress};
 use ferrostep_session::macros;
+use ferrostep_session::rules::ByRules;
 use ferrostep_session::{JobReplies, Session};
-use ferrostep_simulator::klipper::{self, KlipperSettings};
 use ferrostep_simulator::measures::{Measures, Report, Snapshots};
-use ferrostep_simulator::plan::{Filters, Machine, MachineError, MoveSpeeds, Plan, simulate};
-use ferrostep_simulator::shapers::Shaper;
+use ferrostep_simulator::plan::{Filters, Machine, MachineError, MoveSpeeds, Plan, durations_s, simulate};
 use ferrostep_simulator::steps::{PathSource, StepSimulation, StepsError};
 
+use by_rules::ByRulesPlan;
 use observer::StepsObserver;
 
 /// First byte of a trace; no job begins with it.
@@ -142,13 +143,20 @@ enum Steps {
     Trace(Box<TraceReader<Box<dyn Read>>>),
 }
 
+/// The G-code that the path is read from.
+struct PathText {
+    text: Vec<u8>,
+    job: Job,
+    /// The reference's plan.
+    speeds: Vec<MoveSpeeds>,
+}
+
 /// A job or a trace.
 pub struct Simulation {
     steps: Steps,
     source: Source,
     profile: Profile,
-    /// The moves of the G-code, and how the reference plans them.
-    path: Option<(Job, Vec<MoveSpeeds>)>,
+    path: Option<PathText>,
     filament_mm2: f64,
     /// True to measure ringing also as a part of the unfiltered plan's.
     has_relative_ringing: bool,
@@ -195,7 +203,7 @@ impl Simulation {
             }
             text = Some(all_of(&mut input)?);
         }
-        let path = text.map(|text| planned(&text, &profile)).transpose().map_err(SimulationError::Interpret)?;
+        let path = text.map(|text| planned(text, &profile)).transpose().map_err(SimulationError::Interpret)?;
         let diameter_mm = profile.extrusion.filament_diameter_10nm as f64 * 1e-5;
         let filament_mm2 = diameter_mm * diameter_mm * std::f64::consts::FRAC_PI_4;
         Ok(Self { steps, source, profile, path, filament_mm2, has_relative_ringing: true })
@@ -207,9 +215,9 @@ impl Simulation {
     /// The path cannot be read from it.
     pub fn of_text(text: Vec<u8>, profile: Profile) -> Result<Self, SimulationError> {
         check(&profile)?;
-        let path = Some(planned(&text, &profile).map_err(SimulationError::Interpret)?);
+        let steps = Steps::Job(text.as_slice().into());
+        let path = Some(planned(text, &profile).map_err(SimulationError::Interpret)?);
         let filament_mm2 = filament_mm2(&profile);
-        let steps = Steps::Job(text.into());
         Ok(Self { steps, source: Source::GCode, profile, path, filament_mm2, has_relative_ringing: false })
     }
 
@@ -241,26 +249,29 @@ impl Simulation {
         self.has_relative_ringing = false;
     }
 
-    /// Plays the plan by Klipper's rules, with its filters, on a machine and measures it.
+    /// Plays the plan by another firmware's rules, with its filters, on a machine and measures it:
+    /// a job that stops at a line up to there.
     ///
     /// # Errors
-    /// There is no G-code to plan, or the machine's numbers are out of range.
-    pub fn klipper(
-        &self,
-        machine: &Machine,
-        settings: &KlipperSettings,
-        shapers: [Shaper; 2],
-    ) -> Result<Measured, SimulationError> {
-        let Some((job, _)) = &self.path else { return Err(SimulationError::NothingToCompare) };
-        let speeds = klipper::plan(job, settings);
-        let plans = Plan::of_job(job, &speeds, self.filament_mm2);
-        let path = PathSource::of_job(job, &speeds, self.filament_mm2);
+    /// There is no G-code to plan, the G-code of a trace stops, or the machine's numbers are out of
+    /// range.
+    pub fn by_rules(&self, machine: &Machine, by: ByRules, filters: &Filters) -> Result<Measured, SimulationError> {
+        let Some(PathText { text, job, .. }) = &self.path else { return Err(SimulationError::NothingToCompare) };
+        let ByRulesPlan { plans, durations_s, after_own, stopped } =
+            by_rules::planned(text, job, &self.profile, by, self.filament_mm2);
+        let mut path = PathSource::of_job(job, durations_s, self.filament_mm2);
+        match (stopped, &self.steps) {
+            (None, _) => {}
+            (Some(_), Steps::Job(_)) => path = path.may_end_early(),
+            (Some(error), Steps::Trace(_)) => return Err(SimulationError::Job(error)),
+        }
         let header = match &self.steps {
             Steps::Trace(trace) => trace.header().clone(),
             Steps::Job(_) => machine::trace_header(&self.profile),
         };
         let mut steps = StepSimulation::new(header, machine, self.filament_mm2, path, Measures::with_snapshots())?;
-        let time_s = steps.play_plans(&plans, &settings.filters(shapers))?;
+        after_own.into_iter().for_each(|line| steps.own_moves_before(line));
+        let time_s = steps.play_plans(&plans, filters)?;
         let (measures, _) = steps.finish()?;
         let (mut report, snapshots) = measures.finish(time_s);
         if self.has_relative_ringing {
@@ -288,15 +299,15 @@ impl Simulation {
         mut look: impl FnMut(&JobProgress),
     ) -> Result<(Measured, Option<JobError>), SimulationError> {
         let unshaped = match &self.path {
-            Some((job, speeds)) if self.has_relative_ringing => {
+            Some(PathText { job, speeds, .. }) if self.has_relative_ringing => {
                 Some(self.unfiltered(machine, &Plan::of_job(job, speeds, self.filament_mm2))?)
             }
             _ => None,
         };
         let path = match &self.path {
             None => PathSource::of_steps(self.filament_mm2),
-            Some((job, speeds)) => {
-                let path = PathSource::of_job(job, speeds, self.filament_mm2);
+            Some(PathText { job, speeds, .. }) => {
+                let path = PathSource::of_job(job, durations_s(job, speeds), self.filament_mm2);
                 if self.profile.motion.filament_on_the_way { path.filament_on_the_way() } else { path }
             }
         };
@@ -396,8 +407,8 @@ fn says_path(text: &[u8], profile: &Profile) -> bool {
 }
 
 /// The moves of a text, and the reference's plan of them.
-fn planned(text: &[u8], profile: &Profile) -> Result<(Job, Vec<MoveSpeeds>), InterpretError> {
-    let job = interpret(text, &reference_profile(profile), InterpretOptions::default())?;
+fn planned(text: Vec<u8>, profile: &Profile) -> Result<PathText, InterpretError> {
+    let job = interpret(&text, &reference_profile(profile), InterpretOptions::default())?;
     let speeds = plan(&job, None).moves.iter().map(|one| MoveSpeeds::from(one.law)).collect();
-    Ok((job, speeds))
+    Ok(PathText { text, job, speeds })
 }

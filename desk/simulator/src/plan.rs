@@ -53,8 +53,6 @@ pub struct MoveShape {
     pub filament_mm: f64,
     /// Length along which the speeds count, mm.
     pub length_mm: f64,
-    /// True if only the filament moves.
-    pub is_filament_only: bool,
 }
 
 impl MoveShape {
@@ -63,11 +61,14 @@ impl MoveShape {
         let mm = |units: i64| units as f64 / UNITS_PER_MM as f64;
         let axes_mm = [0, 1, 2].map(|axis: usize| mm(one.end_10nm[axis] - one.start_10nm[axis]));
         let unit = EXTRUDER_FRACTIONS_PER_UNIT as f64 * UNITS_PER_MM as f64;
-        let filament_mm = (one.extruder_end - one.extruder_start) as f64 / unit;
+        Self::new(axes_mm, (one.extruder_end - one.extruder_start) as f64 / unit)
+    }
+
+    /// The shape of a travel of X, Y, Z with this filament, mm.
+    pub fn new(axes_mm: [f64; 3], filament_mm: f64) -> Self {
         let path_mm = axes_mm.iter().map(|travel| travel * travel).sum::<f64>().sqrt();
-        let is_filament_only = path_mm == 0.0;
-        let length_mm = if is_filament_only { filament_mm.abs() } else { path_mm };
-        Self { axes_mm, filament_mm, length_mm, is_filament_only }
+        let length_mm = if path_mm == 0.0 { filament_mm.abs() } else { path_mm };
+        Self { axes_mm, filament_mm, length_mm }
     }
 
     /// Cross-section of what it lays, mm^2; 0 on a travel.
@@ -104,12 +105,12 @@ impl Plan {
     /// homing on the way.
     pub fn of_job(job: &Job, speeds: &[MoveSpeeds], filament_mm2: f64) -> Vec<Self> {
         let mut plans = Vec::new();
-        let mut builder = Builder::new(filament_mm2);
+        let mut builder = PlanBuilder::new(filament_mm2);
         for (one, speeds) in job.moves.iter().zip(speeds) {
             if one.homing_before {
-                plans.extend(std::mem::replace(&mut builder, Builder::new(filament_mm2)).build());
+                plans.extend(std::mem::replace(&mut builder, PlanBuilder::new(filament_mm2)).build());
             }
-            builder.push(one, speeds);
+            builder.push(&ExecutedMove::of(one, speeds));
         }
         plans.extend(builder.build());
         plans
@@ -152,8 +153,40 @@ impl Plan {
     }
 }
 
-/// Appends move after move.
-struct Builder {
+/// A straight move as it is executed: a speed along its path at the start, and accelerations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExecutedMove {
+    /// Its line in the G-code, if a trace has a record of its end.
+    pub recorded_line: Option<u32>,
+    /// Start of X, Y, Z and the filament, mm.
+    pub start_mm: [f64; 4],
+    /// Its geometry.
+    pub shape: MoveShape,
+    /// Speed at its start, mm/s.
+    pub entry_mm_per_s: f64,
+    /// Duration, s, and acceleration, mm/s^2, of its phases; those without duration are left out.
+    pub phases: [(f64, f64); 3],
+}
+
+impl ExecutedMove {
+    /// A move of a job with these speeds.
+    fn of(one: &Move, speeds: &MoveSpeeds) -> Self {
+        let shape = MoveShape::of(one);
+        let unit = EXTRUDER_FRACTIONS_PER_UNIT as f64 * UNITS_PER_MM as f64;
+        let [x, y, z] = one.start_10nm.map(|units| units as f64 / UNITS_PER_MM as f64);
+        Self {
+            recorded_line: one.kind.ends_with_a_record().then_some(one.line),
+            start_mm: [x, y, z, one.extruder_start as f64 / unit],
+            shape,
+            entry_mm_per_s: speeds.entry_mm_per_s,
+            phases: phases(speeds, shape.length_mm),
+        }
+    }
+}
+
+/// Appends move after move to a plan.
+#[derive(Debug)]
+pub struct PlanBuilder {
     filament_mm2: f64,
     time_s: f64,
     /// Pieces of X, Y, Z and the filament.
@@ -163,8 +196,9 @@ struct Builder {
     ends: Vec<MoveEnd>,
 }
 
-impl Builder {
-    fn new(filament_mm2: f64) -> Self {
+impl PlanBuilder {
+    /// A plan without moves, for filament of this cross-section.
+    pub fn new(filament_mm2: f64) -> Self {
         Self {
             filament_mm2,
             time_s: 0.0,
@@ -175,17 +209,18 @@ impl Builder {
         }
     }
 
-    fn push(&mut self, one: &Move, speeds: &MoveSpeeds) {
-        let shape = MoveShape::of(one);
-        let unit = EXTRUDER_FRACTIONS_PER_UNIT as f64 * UNITS_PER_MM as f64;
-        let [x_mm, y_mm, z_mm] = one.start_10nm.map(|units| units as f64 / UNITS_PER_MM as f64);
-        let start_mm = [x_mm, y_mm, z_mm, one.extruder_start as f64 / unit];
+    /// Appends a move, which begins where the one before ends.
+    pub fn push(&mut self, one: &ExecutedMove) {
+        let ExecutedMove { recorded_line, start_mm, shape, entry_mm_per_s, phases } = *one;
         let [x, y, z] = shape.axes_mm;
         let shares = [x, y, z, shape.filament_mm].map(|travel| travel / shape.length_mm);
         let bead_mm2 = shape.bead_mm2(self.filament_mm2);
         let start_s = self.time_s;
-        let mut along = Motion { position_mm: 0.0, speed_mm_per_s: speeds.entry_mm_per_s, acceleration_mm_per_s2: 0.0 };
-        for (duration_s, acceleration_mm_per_s2) in phases(speeds, shape.length_mm) {
+        let mut along = Motion { position_mm: 0.0, speed_mm_per_s: entry_mm_per_s, acceleration_mm_per_s2: 0.0 };
+        for (duration_s, acceleration_mm_per_s2) in phases {
+            if duration_s <= MIN_PHASE_S {
+                continue;
+            }
             along.acceleration_mm_per_s2 = acceleration_mm_per_s2;
             for ((pieces, share), start_mm) in self.pieces.iter_mut().zip(shares).zip(start_mm) {
                 let motion = Motion {
@@ -200,32 +235,42 @@ impl Builder {
             self.time_s += duration_s;
         }
         if x != 0.0 || y != 0.0 {
-            let from_mm = [x_mm, y_mm];
-            let to_mm = [x_mm + x, y_mm + y];
+            let [x_mm, y_mm, ..] = start_mm;
+            let (from_mm, to_mm) = ([x_mm, y_mm], [x_mm + x, y_mm + y]);
             self.path.push(PathSegment { start_s, end_s: self.time_s, from_mm, to_mm, bead_mm2 });
         }
-        if one.kind.ends_with_a_record() {
-            self.ends.push(MoveEnd { time_s: self.time_s, line: one.line });
+        if let Some(line) = recorded_line {
+            self.ends.push(MoveEnd { time_s: self.time_s, line });
         }
     }
 
     /// Builds the plan; `None` if nothing moves.
-    fn build(self) -> Option<Plan> {
+    pub fn build(self) -> Option<Plan> {
         let Self { advances, path, ends, .. } = self;
         let [x, y, z, filament] = self.pieces.map(|pieces| Law::new(pieces).ok());
         Some(Plan { x: x?, y: y?, z: z?, filament: filament?, advances, path, ends })
     }
 }
 
-/// Durations and accelerations of a trapezoid, without those that rounding left empty.
-pub fn phases(speeds: &MoveSpeeds, length_mm: f64) -> impl Iterator<Item = (f64, f64)> {
+/// Phases that last no longer are left by rounding, s.
+const MIN_PHASE_S: f64 = 1e-12;
+
+/// Durations and accelerations of a trapezoid.
+fn phases(speeds: &MoveSpeeds, length_mm: f64) -> [(f64, f64); 3] {
     let MoveSpeeds { entry_mm_per_s: entry, cruise_mm_per_s: cruise, exit_mm_per_s: exit, acceleration_mm_per_s2: a } =
         *speeds;
     let ramps_mm = (2.0 * cruise * cruise - entry * entry - exit * exit) / (2.0 * a);
     let cruise_s = if cruise > 0.0 { (length_mm - ramps_mm).max(0.0) / cruise } else { 0.0 };
     [((cruise - entry) / a, a), (cruise_s, 0.0), ((cruise - exit) / a, -a)]
-        .into_iter()
-        .filter(|(duration_s, _)| *duration_s > 1e-12)
+}
+
+/// The time of each of a job's moves with these speeds, s.
+pub fn durations_s(job: &Job, speeds: &[MoveSpeeds]) -> Vec<f64> {
+    let duration_s = |one: &Move, speeds: &MoveSpeeds| {
+        let phases = phases(speeds, MoveShape::of(one).length_mm);
+        phases.into_iter().map(|(duration_s, _)| duration_s).filter(|duration_s| *duration_s > MIN_PHASE_S).sum()
+    };
+    job.moves.iter().zip(speeds).map(|(one, speeds)| duration_s(one, speeds)).collect()
 }
 
 /// Filters between a plan and the motors.

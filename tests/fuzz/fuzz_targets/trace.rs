@@ -10,7 +10,7 @@ use std::io::{self, Read};
 use ferrostep_oracle::reference::{InterpretOptions, ReferenceProfile, interpret, plan};
 use ferrostep_oracle::trace::{Record, TraceReader};
 use ferrostep_simulator::measures::Measures;
-use ferrostep_simulator::plan::{Machine, MoveSpeeds};
+use ferrostep_simulator::plan::{Machine, MoveSpeeds, durations_s};
 use ferrostep_simulator::steps::{PathSource, StepSimulation};
 use libfuzzer_sys::fuzz_target;
 
@@ -130,6 +130,6 @@ fuzz_target!(|input: &[u8]| {
     let text = b"M83\nG1 X2 F6000\nG1 X3 E.1\nG2 X4 Y1 I1 J1 E.1\nG1 E-1\nG1 Y5\n";
     let job = interpret(text, &ReferenceProfile::cartesian(), InterpretOptions::default()).expect("a job");
     let speeds: Vec<MoveSpeeds> = plan(&job, None).moves.iter().map(|one| MoveSpeeds::from(one.law)).collect();
-    let path = PathSource::of_job(&job, &speeds, FILAMENT_MM2);
+    let path = PathSource::of_job(&job, durations_s(&job, &speeds), FILAMENT_MM2);
     play(&trace, if mode & 64 == 0 { path } else { path.may_end_early() });
 });

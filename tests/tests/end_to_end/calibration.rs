@@ -81,7 +81,7 @@ fn what_measures_nothing_is_refused_and_no_plot_is_left() {
         (&["--waves", "5", "--over-mm", "0", "--speed", "100"], "these waves are no frequency between 10 and 200 Hz"),
         (
             &["--waves", "5", "--over-mm", "10", "--speed", "100", "--plot", plot.to_str().unwrap()],
-            "--plot draws a record",
+            "--plot draws the record",
         ),
         (&[good, "--waves", "5"], "cannot be used with"),
         (&[good, "--plot", good], "the record"),

@@ -146,7 +146,7 @@ fn what_the_machine_is_is_assumed_by_permission_alone() {
     std::fs::write(&out, &text).unwrap();
     let again = ferrostep(["import".as_ref(), case.as_os_str(), "-o".as_ref(), out.as_os_str(), "--assume".as_ref()]);
     assert_eq!((again.status, std::fs::read_to_string(&out).unwrap()), (Some(2), text), "{again:#?}");
-    assert!(again.stderr.contains("has been edited"), "{again:#?}");
+    assert!(again.stderr.contains("was edited"), "{again:#?}");
 }
 
 /// The other kinds of a fault: the line with the fault, and the text of the message.

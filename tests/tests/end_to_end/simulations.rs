@@ -103,6 +103,34 @@ fn klippers_rules_stand_beside_and_a_shaper_lessens_ringing() {
     assert!(text.stdout.contains("klipper  mzv") && text.stdout.contains("contour error, 99 %"), "{}", text.stdout);
 }
 
+/// One plan: that of `estimate`, with Klipper's own chords of arcs and its one acceleration.
+#[test]
+fn the_compared_plan_takes_the_time_of_an_estimate_by_its_rules() {
+    let folder = directory();
+    let text = std::fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();
+    let corners = |e: u32| format!("instantaneous_corner_velocity_mm_per_s = {{ z = 5, e = {e} }}");
+    assert!(text.contains(&corners(10)));
+    let profile = file(&folder, "machine.toml", text.replace(&corners(10), &corners(1)));
+    let profile = ["--profile", profile.to_str().unwrap(), "--json"];
+    // That of a deviation of 0.1 mm at 1000 mm/s^2.
+    let corner = (0.1 * 1000.0 / (2f64.sqrt() - 1.0)).sqrt().to_string();
+    let simulated = |path: &std::path::Path| {
+        let compared = ["--compare", "klipper", "--square-corner-velocity", &corner];
+        let outcome = ferrostep(["simulate", path.to_str().unwrap()].into_iter().chain(compared).chain(profile));
+        assert_eq!((outcome.status, outcome.stderr.as_str()), (Some(0), ""));
+        number(&outcome.json(), &["compared", "time_s"])
+    };
+    let estimated = |path: &std::path::Path| {
+        let outcome = ferrostep(["estimate", path.to_str().unwrap(), "--rules", "klipper"].into_iter().chain(profile));
+        number(&outcome.json(), &["motion_time_s"])
+    };
+    let arcs = "M204 P700 T400\nG2 X52 Y52 I1 J1 E.1\nG10\nG1 X90\nG11\nG28 X\nM204 S2000\nG1 X10 Y20\nG2 X70 Y20 I30 J0 E2 F9000\nM104 S0\n";
+    let job = file(&folder, "arcs.gcode", JOB.replace("M104 S0\n", arcs));
+    let (here, there) = (simulated(&job), estimated(&job));
+    assert!(here > 4.0);
+    assert!((here - there).abs() < 1e-6, "{here} and {there}");
+}
+
 #[test]
 fn a_kind_is_given_to_both_plans_and_detuning_moves_the_frame_under_them() {
     let folder = directory();
@@ -198,7 +226,7 @@ fn what_cannot_be_simulated_says_what_would_be_right() {
         ),
         (
             &[job, "--compare", "klipper", "--minimum-cruise-ratio", "1"],
-            "the compared plan's minimum cruise ratio is 1, expected 0 to less than 1",
+            "the compared plan: minimum_cruise_ratio is 1, expected 0 to less than 1",
         ),
         (&[trace, "--input-shaper", "zv"], "the steps of a trace are made already"),
         (&[job, "--detune", "5"], "no filter is known that the frame could differ from"),

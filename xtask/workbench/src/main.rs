@@ -16,7 +16,6 @@ mod firmware;
 mod hostile_programs;
 mod house;
 mod image;
-mod klipper_table;
 mod mainboard;
 mod on_target;
 mod page;
@@ -59,7 +58,6 @@ enum Command {
     CheckTrace(check_trace::Options),
     ReferenceTime(reference_time::Options),
     StepEdges(step_edges::Options),
-    KlipperTable(klipper_table::Options),
     AgainstKlipper(against_klipper::Options),
     FeedPlot,
     HostilePrograms(hostile_programs::Options),
@@ -85,7 +83,6 @@ fn main() -> ExitCode {
         Command::CheckTrace(options) => ended(check_trace::run(&options)),
         Command::ReferenceTime(options) => ended(reference_time::run(&options).map(|()| true)),
         Command::StepEdges(options) => ended(step_edges::run(&options).map(|()| true)),
-        Command::KlipperTable(options) => ended(klipper_table::run(&options).map(|()| true)),
         Command::AgainstKlipper(options) => ended(against_klipper::run(&options).map(|()| true)),
         Command::FeedPlot => ended(feed_plot::run().map(|()| true).map_err(|error| error.to_string())),
         Command::HostilePrograms(options) => ended(Ok(hostile_programs::run(&options))),

@@ -77,10 +77,10 @@ pub struct SimulateArguments {
     #[arg(long, value_name = "RATIO", requires = "filtered")]
     pub shaper_damping: Option<f64>,
     /// The compared plan's pressure advance, s [default: the nozzle's time constant].
-    #[arg(long, value_name = "SECONDS", requires = "compare")]
+    #[arg(long, value_name = "SECONDS", value_parser = below_a_second, requires = "compare")]
     pub pressure_advance: Option<f64>,
     /// Time over which the compared plan smooths its pressure advance, s.
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.04, requires = "compare")]
+    #[arg(long, value_name = "SECONDS", value_parser = below_a_second, default_value_t = 0.04, requires = "compare")]
     pub smooth_time: f64,
     /// The compared plan's square corner velocity, mm/s.
     #[arg(long, value_name = "MM_PER_S", default_value_t = 5.0, requires = "compare")]
@@ -103,6 +103,12 @@ fn input_shaper(name: &str) -> Result<InputShaperKind, String> {
         let names = InputShaperKind::NAMED.map(|(name, _)| name).join(", ");
         format!("expected {names}, or as mzv(5,0.9)")
     })
+}
+
+/// A time of less than a second.
+fn below_a_second(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|seconds| (0.0..1.0).contains(seconds));
+    seconds.ok_or_else(|| "expected 0 to less than 1 s".to_owned())
 }
 
 /// Two numbers with a comma between them.

@@ -12,10 +12,10 @@ use ferrostep_session::input;
 use ferrostep_session::job::JobProgress;
 use ferrostep_session::output::{Accepted, Output, Protected};
 use ferrostep_session::report::Stop;
+use ferrostep_session::rules::{ByRules, RuledMachine};
 use ferrostep_simulator::frame::{FrameSettings, SecondMode};
-use ferrostep_simulator::klipper::KlipperSettings;
 use ferrostep_simulator::nozzle::{NozzleSettings, SecondSlope};
-use ferrostep_simulator::plan::Machine;
+use ferrostep_simulator::plan::{ExtruderFilter, Filters, Machine};
 use ferrostep_simulator::plot::draw;
 use ferrostep_simulator::shapers::Shaper;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -27,8 +27,9 @@ use crate::protected::profile_file;
 
 /// Simulates, and prints the measures.
 pub fn run(arguments: &SimulateArguments) -> Result<ExitCode, String> {
-    let job_machine = machine::of_file(arguments.profile.as_deref(), Some(PlannedBy::Own), &arguments.file)?;
-    let profile = job_machine.ruled().map_err(|error| error.to_string())?.profile;
+    let planned_by = arguments.compare.map_or(PlannedBy::Own, |Rules::Klipper| PlannedBy::Klipper);
+    let job_machine = machine::of_file(arguments.profile.as_deref(), Some(planned_by), &arguments.file)?;
+    let RuledMachine { profile, by, .. } = job_machine.ruled().map_err(|error| error.to_string())?;
     let name = input::name(&arguments.file);
     let words = filter_words(arguments);
     let plot = arguments.plot.as_deref().map(|plot| plot_output(plot, arguments)).transpose()?;
@@ -39,9 +40,9 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode, String> {
     simulation.set_filters(filters.steps);
     let machine = frame(arguments, filters.frame_hz)?;
     let (source, has_path) = (simulation.source(), simulation.has_path());
-    let compared = match (arguments.compare, &filters.compared) {
-        (Some(Rules::Klipper), Some(filter)) => {
-            Some(klipper(arguments, &machine, filter, &simulation).map_err(|error| format!("{name}: {error}"))?)
+    let compared = match (by, &filters.compared) {
+        (Some(by), Some(filter)) => {
+            Some(klipper(arguments, &machine, by, filter, &simulation).map_err(|error| format!("{name}: {error}"))?)
         }
         _ => None,
     };
@@ -129,26 +130,24 @@ fn frame(arguments: &SimulateArguments, frequency_hz: [f64; 2]) -> Result<Machin
 fn klipper(
     arguments: &SimulateArguments,
     machine: &Machine,
+    by: ByRules,
     filter: &ComparedFilter,
     simulation: &Simulation,
 ) -> Result<(Compared, Measured), String> {
-    let settings = KlipperSettings {
-        square_corner_velocity_mm_per_s: arguments.square_corner_velocity,
-        minimum_cruise_ratio: arguments.minimum_cruise_ratio,
-        pressure_advance_s: arguments.pressure_advance.unwrap_or(arguments.nozzle_time_constant),
-        smooth_time_s: arguments.smooth_time,
-        ..KlipperSettings::default()
-    };
-    settings.check().map_err(|error| error.to_string())?;
+    let by = by
+        .with_klippers_corners(arguments.square_corner_velocity, arguments.minimum_cruise_ratio)
+        .map_err(|error| format!("the compared plan: {error}"))?;
+    let pressure_advance_s = arguments.pressure_advance.unwrap_or(arguments.nozzle_time_constant);
     let ComparedFilter { kind, frequency_hz: [x_hz, y_hz], damping: [x_damping, y_damping] } = *filter;
     let shaper = |hz, damping| Shaper::new(kind, hz, damping).map_err(|error| error.to_string());
     let shapers = [shaper(x_hz, x_damping)?, shaper(y_hz, y_damping)?];
-    let measured = simulation.klipper(machine, &settings, shapers).map_err(|error| error.to_string())?;
+    let filters = Filters { shapers, extruder: ExtruderFilter::klipper(pressure_advance_s, arguments.smooth_time) };
+    let measured = simulation.by_rules(machine, by, &filters).map_err(|error| error.to_string())?;
     let compared = Compared {
         rules: "klipper",
         shaper: kind.to_string(),
         shaper_frequency_hz: filter.frequency_hz,
-        pressure_advance_s: settings.pressure_advance_s,
+        pressure_advance_s,
         report: measured.0.clone(),
     };
     Ok((compared, measured))

@@ -13,6 +13,8 @@ pub struct Piece {
     pub displacement_mm: [f64; 4],
     /// The speed that its line asks for, mm/s.
     pub feed_mm_per_s: f64,
+    /// True for the last piece of a move of its line.
+    pub ends_move: bool,
     /// Its phases one after the other. Speeds are those of the path, or of the filament where
     /// only that moves.
     pub phases: [Phase; 3],

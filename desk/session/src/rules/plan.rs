@@ -32,6 +32,7 @@ struct Waiting {
     start_mm: [f64; 3],
     displacement_mm: [f64; 4],
     feed_mm_per_s: f64,
+    ends_move: bool,
 }
 
 /// Planner and sums of a job.
@@ -118,7 +119,7 @@ impl Plan {
             None => {
                 let displacement_mm = displacement(from_10nm, one.target_10nm, one.filament_100pm);
                 let straight = RulesMove::straight(tag, displacement_mm, feed_mm_per_s);
-                self.push(&straight, millimetres(from_10nm))?;
+                self.push(&straight, millimetres(from_10nm), one.ends_move)?;
             }
             Some(begun) => {
                 begun.filament_100pm += one.filament_100pm;
@@ -130,10 +131,11 @@ impl Plan {
                 let displacement_mm = displacement(start_10nm, one.target_10nm, filament_100pm);
                 let arc = Arc { displacement_mm, centre_mm, is_clockwise };
                 let mut at_mm = millimetres(start_10nm);
-                for chord in arc.chords(&self.arc_cut(), feed_mm_per_s) {
+                let mut chords = arc.chords(&self.arc_cut(), feed_mm_per_s);
+                while let Some(chord) = chords.next() {
                     let chord_move =
                         RulesMove { tag, displacement_mm: chord.displacement_mm, feed_mm_per_s, arc: chord.hint };
-                    self.push(&chord_move, at_mm)?;
+                    self.push(&chord_move, at_mm, chords.len() == 0)?;
                     at_mm = std::array::from_fn(|axis| at_mm[axis] + chord.displacement_mm[axis]);
                 }
             }
@@ -142,7 +144,7 @@ impl Plan {
     }
 
     /// Hands the planner a move that starts at a place, and counts those that are planned by then.
-    fn push(&mut self, one: &RulesMove, start_mm: [f64; 3]) -> Result<(), MoveError> {
+    fn push(&mut self, one: &RulesMove, start_mm: [f64; 3], ends_move: bool) -> Result<(), MoveError> {
         let planner = &mut self.by.planner;
         let before = planner.queued();
         planner.push(one, &mut self.released)?;
@@ -153,7 +155,7 @@ impl Plan {
                 *part += carried;
             }
             let start_mm = carried.map_or(start_mm, |one| one.start_mm);
-            let waiting = Waiting { start_mm, displacement_mm, feed_mm_per_s };
+            let waiting = Waiting { start_mm, displacement_mm, feed_mm_per_s, ends_move };
             if planner.queued() + self.released.len() > before {
                 self.waiting.push_back(waiting);
             } else {
@@ -216,8 +218,9 @@ impl Plan {
             ends.note(line, self.own_ticks + ticks(self.seconds));
         }
         if let (Some(observer), Some(waiting)) = (&mut self.observer, self.waiting.pop_front()) {
-            let Waiting { start_mm, displacement_mm, feed_mm_per_s } = waiting;
-            observer.ran(&Piece { line, start_mm, displacement_mm, feed_mm_per_s, phases: settled.phases() });
+            let Waiting { start_mm, displacement_mm, feed_mm_per_s, ends_move } = waiting;
+            let phases = settled.phases();
+            observer.ran(&Piece { line, start_mm, displacement_mm, feed_mm_per_s, ends_move, phases });
         }
     }
 }

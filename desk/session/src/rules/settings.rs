@@ -27,6 +27,29 @@ pub struct ByRules {
     pub scale: Scale,
 }
 
+impl ByRules {
+    /// The same with Klipper's corners: its square corner velocity, mm/s, and its minimum cruise
+    /// ratio, and the default of the filament's change of speed. Other rules have none of them.
+    ///
+    /// # Errors
+    /// Names the limit with which Klipper makes no plan.
+    pub fn with_klippers_corners(
+        mut self,
+        square_corner_velocity_mm_per_s: f64,
+        minimum_cruise_ratio: f64,
+    ) -> Result<Self, SettingError> {
+        if let Planner::Klipper(planner) = &mut self.planner {
+            planner.set(KlipperSettings {
+                square_corner_velocity_mm_per_s,
+                minimum_cruise_ratio,
+                instantaneous_corner_velocity_mm_per_s: 1.0,
+                ..*planner.settings()
+            })?;
+        }
+        Ok(self)
+    }
+}
+
 /// The planner that a profile asks for, or that is `asked` for instead; `None` for the rules
 /// of this firmware.
 ///

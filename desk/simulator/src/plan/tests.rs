@@ -1,13 +1,14 @@
 #![allow(clippy::unwrap_used)]
 
 use super::*;
-use crate::klipper::{self, KlipperSettings};
 use crate::measures::Report;
 use crate::shapers::ShaperKind;
 use ferrostep_oracle::gcode_text;
 use ferrostep_oracle::reference::{
     Acceleration, InterpretOptions, ReferenceProfile, interpret, plan as reference_plan,
 };
+use ferrostep_rules::Move as RulesMove;
+use ferrostep_rules::klipper::{FlushTimes, Klipper, KlipperSettings};
 
 /// Filament of 1.75 mm.
 const FILAMENT_MM2: f64 = 1.75 * 1.75 * std::f64::consts::FRAC_PI_4;
@@ -92,6 +93,42 @@ fn reference_speeds(job: &Job) -> Vec<MoveSpeeds> {
     reference_plan(job, None).moves.iter().map(|one| MoveSpeeds::from(one.law)).collect()
 }
 
+/// Klipper's limits for a machine: its defaults, but for Z and the extruder.
+fn klippers(profile: &ReferenceProfile) -> KlipperSettings {
+    let [x_feed, _, z_feed, e_feed] = profile.max_feed_mm_per_s;
+    let acceleration = profile.acceleration_mm_per_s2;
+    KlipperSettings {
+        max_z_velocity_mm_per_s: z_feed,
+        max_z_accel_mm_per_s2: profile.max_acceleration_mm_per_s2[2],
+        max_extrude_only_velocity_mm_per_s: e_feed,
+        max_extrude_only_accel_mm_per_s2: acceleration.retract,
+        flush_times: FlushTimes::NEVER,
+        ..KlipperSettings::with_defaults(x_feed, acceleration.print, 0.4, 1.75)
+    }
+}
+
+/// The speeds that Klipper's rules give a job's moves; its arcs are the oracle's chords.
+fn klipper_speeds(job: &Job, settings: KlipperSettings) -> Vec<MoveSpeeds> {
+    let mut planner = Klipper::new(settings).unwrap();
+    let mut planned = Vec::new();
+    for one in &job.moves {
+        if one.stop_before {
+            planner.flush(&mut planned);
+        }
+        let MoveShape { axes_mm: [x, y, z], filament_mm, .. } = MoveShape::of(one);
+        let straight = RulesMove::straight(u64::from(one.line), [x, y, z, filament_mm], one.feed_mm_per_s);
+        planner.push(&straight, &mut planned).unwrap();
+    }
+    planner.flush(&mut planned);
+    let speeds = planned.iter().map(|one| MoveSpeeds {
+        entry_mm_per_s: one.start_mm_per_s,
+        cruise_mm_per_s: one.cruise_mm_per_s,
+        exit_mm_per_s: one.end_mm_per_s,
+        acceleration_mm_per_s2: one.acceleration_mm_per_s2,
+    });
+    speeds.collect()
+}
+
 fn time_s(job: &Job, speeds: &[MoveSpeeds]) -> f64 {
     Plan::of_job(job, speeds, FILAMENT_MM2).iter().map(Plan::duration_s).sum()
 }
@@ -110,14 +147,14 @@ fn klippers_rules_take_the_time_they_take_elsewhere() {
     ];
     for (file, profile, feeds, all, corners_only, tolerance) in rows {
         let job = example(file, &profile, feeds);
-        let settings = KlipperSettings::default();
+        let settings = klippers(&profile);
         let corners = KlipperSettings {
             minimum_cruise_ratio: 0.0,
             instantaneous_corner_velocity_mm_per_s: f64::INFINITY,
             ..settings
         };
         for (settings, expected) in [(settings, all), (corners, corners_only)] {
-            let time_s = time_s(&job, &klipper::plan(&job, &settings));
+            let time_s = time_s(&job, &klipper_speeds(&job, settings));
             assert!((time_s / expected - 1.0).abs() < tolerance, "{file}: {time_s} instead of {expected}");
         }
     }
@@ -129,7 +166,7 @@ fn klippers_rules_take_the_time_they_take_elsewhere() {
 fn contour_errors_are_those_of_another_simulator() {
     let profile = bed_slinger(5000.0);
     let job = example("cube.gcode", &profile, 4.0);
-    let klipper = Plan::of_job(&job, &klipper::plan(&job, &KlipperSettings::default()), FILAMENT_MM2);
+    let klipper = Plan::of_job(&job, &klipper_speeds(&job, klippers(&profile)), FILAMENT_MM2);
     let reference = Plan::of_job(&job, &reference_speeds(&job), FILAMENT_MM2);
     let rows = [
         (&klipper, ShaperKind::None, 130.0, 33.0),

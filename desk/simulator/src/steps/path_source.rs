@@ -2,7 +2,7 @@
 
 use crate::measures::Measures;
 use crate::path::PathSegment;
-use crate::plan::{MoveShape, MoveSpeeds, phases};
+use crate::plan::MoveShape;
 use ferrostep_oracle::reference::{Job, Move, MoveKind, UNITS_PER_MM};
 use std::collections::VecDeque;
 use std::fmt;
@@ -88,14 +88,10 @@ struct Point {
 }
 
 impl PathSource {
-    /// The moves of a G-code file, with the speeds of a plan, by which the time of several moves of
-    /// one line is shared out.
-    pub fn of_job(job: &Job, speeds: &[MoveSpeeds], filament_mm2: f64) -> Self {
-        let duration_s = |one: &Move, speeds: &MoveSpeeds| {
-            phases(speeds, MoveShape::of(one).length_mm).map(|(duration_s, _)| duration_s).sum::<f64>()
-        };
-        let moves: Vec<(Move, f64)> =
-            job.moves.iter().zip(speeds).map(|(one, speeds)| (*one, duration_s(one, speeds))).collect();
+    /// The moves of a G-code file, and the times that a plan gives them, s, by which the time of
+    /// several moves of one line is shared out.
+    pub fn of_job(job: &Job, durations_s: Vec<f64>, filament_mm2: f64) -> Self {
+        let moves: Vec<(Move, f64)> = job.moves.iter().copied().zip(durations_s).collect();
         Self { from: From::Job { moves: moves.into_iter(), may_end_early: false }, ..Self::of_steps(filament_mm2) }
     }
 

@@ -5,7 +5,7 @@ use crate::frame::FrameSettings;
 use crate::law::{Law, Piece, ShapedLaw, step_times};
 use crate::measures::Report;
 use crate::nozzle::NozzleSettings;
-use crate::plan::{ExtruderFilter, Filters, MoveSpeeds, Plan, simulate};
+use crate::plan::{ExtruderFilter, Filters, MoveSpeeds, Plan, durations_s, simulate};
 use crate::shapers::{Shaper, ShaperKind};
 use ferrostep_oracle::reference::{InterpretOptions, Job, Kinematics, ReferenceProfile, interpret, plan};
 use ferrostep_oracle::trace::{StepEvent, TraceReader};
@@ -124,7 +124,7 @@ fn coarse_steps_of_the_extruder_are_seen_at_a_corner() {
     let stepped = |extruder_steps_per_mm: f64| {
         let mut header = header(Kinematics::Cartesian, 400.0);
         header.steps_per_mm[3] = extruder_steps_per_mm;
-        let path = PathSource::of_job(&job, &speeds, FILAMENT_MM2);
+        let path = PathSource::of_job(&job, durations_s(&job, &speeds), FILAMENT_MM2);
         let mut steps =
             StepSimulation::new(header, &Machine::default(), FILAMENT_MM2, path, Measures::default()).unwrap();
         assert_eq!(steps.play_plans(&plans, &filters).unwrap(), time_s);
@@ -165,7 +165,9 @@ fn steps_measure_as_their_plan_does() {
     let expected = planned(&job, &speeds, &machine);
     for kinematics in [Kinematics::Cartesian, Kinematics::CoreXy] {
         let records = records(&job, &speeds, kinematics, 400.0);
-        for path in [PathSource::of_job(&job, &speeds, FILAMENT_MM2), PathSource::of_steps(FILAMENT_MM2)] {
+        for path in
+            [PathSource::of_job(&job, durations_s(&job, &speeds), FILAMENT_MM2), PathSource::of_steps(FILAMENT_MM2)]
+        {
             let report = play(header(kinematics, 400.0), &machine, path, &records).unwrap();
             let near = |value: f64, expected: f64, slack: f64| {
                 assert!(
@@ -229,7 +231,7 @@ fn what_cannot_be_simulated_is_named() {
     assert!(matches!(error, StepsError::Motors(_)) && !error.to_string().contains('\u{1b}'), "{error}");
     assert!(matches!(play(header(Kinematics::Cartesian, 0.0), &machine, steps(), &[]), Err(StepsError::Scale(_))));
     let (job, speeds) = job();
-    let of_job = || PathSource::of_job(&job, &speeds, FILAMENT_MM2);
+    let of_job = || PathSource::of_job(&job, durations_s(&job, &speeds), FILAMENT_MM2);
     let end = |line| Record::MoveEnd { tick: 5, line };
     let error = play(header(Kinematics::Cartesian, 80.0), &machine, of_job(), &[end(9)]).unwrap_err();
     assert_eq!(
@@ -300,7 +302,7 @@ fn slow_steps_without_ends_of_moves_are_measured_as_they_come() {
 #[test]
 fn a_move_of_the_gcode_that_never_ends_is_not_waited_for_for_ever() {
     let (job, speeds) = job();
-    let path = PathSource::of_job(&job, &speeds, FILAMENT_MM2);
+    let path = PathSource::of_job(&job, durations_s(&job, &speeds), FILAMENT_MM2);
     let header = header(Kinematics::Cartesian, 80.0);
     let mut steps = StepSimulation::new(header, &Machine::default(), FILAMENT_MM2, path, Measures::default()).unwrap();
     for index in 0..500 {

@@ -9,10 +9,11 @@ use std::thread;
 use ferrostep_analysis::simulation::{FilterWords, Simulation};
 use ferrostep_oracle::gcode_text;
 use ferrostep_planner::ShaperKind;
+use ferrostep_profiles::PlannedBy;
+use ferrostep_session::rules::RuledMachine;
 use ferrostep_simulator::frame::{FrameSettings, SecondMode};
-use ferrostep_simulator::klipper::KlipperSettings;
 use ferrostep_simulator::measures::Report;
-use ferrostep_simulator::plan::Machine;
+use ferrostep_simulator::plan::{ExtruderFilter, Filters, Machine};
 use ferrostep_simulator::shapers::Shaper;
 
 /// A file and the machine that it is planned for.
@@ -182,18 +183,18 @@ pub fn measure(case: &Case, job: &Path, cell: Cell) -> Figures {
     let second = has_second.then(SecondMode::default);
     let frame = FrameSettings { frequency_hz: filters.frame_hz, second, ..FrameSettings::USUAL };
     let machine = Machine { frame, ..Machine::default() };
-    let klipper = |settings: KlipperSettings| -> Report {
+    let klipper = |corner_mm_per_s: f64, cruise_ratio: f64| -> Report {
+        let by = RuledMachine::parse(&text, &case.profile, Some(PlannedBy::Klipper)).unwrap().by.unwrap();
+        let by = by.with_klippers_corners(corner_mm_per_s, cruise_ratio).unwrap();
         let filter = filters.compared.unwrap();
         let shapers = [0, 1]
             .map(|axis: usize| Shaper::new(filter.kind, filter.frequency_hz[axis], filter.damping[axis]).unwrap());
-        simulation.klipper(&machine, &settings, shapers).unwrap().0
+        let filters = Filters { shapers, extruder: ExtruderFilter::klipper(0.0, 0.04) };
+        simulation.by_rules(&machine, by, &filters).unwrap().0
     };
-    let default = KlipperSettings::default();
     let report = match cell.plan {
-        Plan::Klipper => klipper(default),
-        Plan::TunedKlipper => {
-            klipper(KlipperSettings { square_corner_velocity_mm_per_s: 10.0, minimum_cruise_ratio: 0.0, ..default })
-        }
+        Plan::Klipper => klipper(5.0, 0.5),
+        Plan::TunedKlipper => klipper(10.0, 0.0),
         Plan::Ferrostep | Plan::CloserFerrostep | Plan::BudgetFerrostep | Plan::TolerantFerrostep => {
             simulation.set_filters(filters.steps);
             let ((report, _), stopped) = simulation.run(&machine, |_| {}).unwrap();
