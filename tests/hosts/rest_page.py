@@ -9,7 +9,7 @@ import sys
 from pages import drawn, launched, opened, picture
 from playwright.sync_api import sync_playwright
 
-# The share of pixels of the view that have this colour's hue and are not as dark or light as its ground: grey as the rest is.
+# The share of grey pixels of the view, neither as dark as its text nor as light as its ground.
 GREY = """async (picture) => {
   const image = new Image();
   image.src = 'data:image/png;base64,' + picture;

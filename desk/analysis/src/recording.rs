@@ -342,7 +342,7 @@ fn run<D: Desk>(
                 let marked = text.borrow_mut().at(line);
                 rest.follow(line, words, marked, |node| recorder.borrow_mut().rest(node));
             };
-            // The line that was refused asks for a place, too, unless it is damaged.
+            // The line that was refused also asks for a place, unless it is damaged.
             if let JobError::Line { line, text, .. } = error
                 && *line == lines.line
             {

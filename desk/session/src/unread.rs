@@ -1,4 +1,4 @@
-//! What a job has left unread when it stops.
+//! The lines that a job has left unread when it stops.
 
 use std::io::{self, Read};
 

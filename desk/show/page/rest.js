@@ -1,4 +1,4 @@
-// The rest of a job that has stopped: where its lines ask the nozzle to go. It is drawn grey, at any
+// The rest of a job that has stopped: where its lines ask the nozzle to go. It is grey at any
 // time, and is counted in nothing.
 
 // Of all nodes of the path those from n on, which are not executed.

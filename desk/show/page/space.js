@@ -264,8 +264,8 @@ function spaceOn(canvas, print) {
     }
     painted.view = '';
   };
-  // What lies on the picture beside the canvas: the view, the parts from `first` to before `last`, a
-  // share of the part after them, and parts that were not executed, `rest` of them so far.
+  // What lies on the picture beside the canvas: the view, the parts from `first` to before
+  // `last`, a share of the part after them, and those of the rest of the job to before `rest`.
   const painted = { view: '', first: 0, last: 0, share: 0, rest: 0, asked: '' };
   let version = 0;
 

@@ -78,7 +78,7 @@ impl Words {
 
     /// The values of X, Y, Z and E.
     fn axes(&self) -> [Option<f64>; 4] {
-        [b'X', b'Y', b'Z', b'E'].map(|letter| self.get(letter))
+        (*b"XYZE").map(|letter| self.get(letter))
     }
 }
 

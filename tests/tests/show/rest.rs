@@ -93,7 +93,7 @@ fn a_job_that_stops_at_its_first_line_asks_for_its_part() {
     assert!(rest(&whole).is_empty());
 }
 
-/// A place five metres off is one, and damage far beyond is none.
+/// A place five metres off is drawn, one a thousand kilometres off is damage.
 #[test]
 fn far_places_are_asked_for() {
     let text = format!("{BEGINNING}G1 X5000 Q\"\nG1 X5000 Y-5000 E1\nG1 X999999999\n");
