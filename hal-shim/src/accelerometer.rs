@@ -43,7 +43,7 @@ pub struct AccelerometerType {
 
 /// An accelerometer with a memory. Each call takes some ten to a hundred microseconds on its bus.
 pub trait AccelerometerChip {
-    /// Its type.
+    /// Type of the chip.
     const TYPE: AccelerometerType;
 
     /// Asks for its identity.

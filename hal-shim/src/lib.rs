@@ -32,7 +32,7 @@ impl Heater {
     /// All heaters, in the order of their index. Every machine has the first two.
     pub const ALL: [Self; Self::COUNT] = [Self::Nozzle, Self::Bed, Self::Chamber, Self::Nozzle1];
 
-    /// Its place in [`Self::ALL`].
+    /// The heater's place in [`Self::ALL`].
     pub const fn index(self) -> usize {
         self as usize
     }
@@ -42,7 +42,7 @@ impl Heater {
         matches!(self, Self::Nozzle | Self::Nozzle1)
     }
 
-    /// Its name in texts: `nozzle`, `bed`, `chamber`, `nozzle1`.
+    /// The heater's name in texts: `nozzle`, `bed`, `chamber`, `nozzle1`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Nozzle => "nozzle",
@@ -76,7 +76,7 @@ impl SpareConnector {
     pub const THERMISTORS: [Self; 5] =
         [Self::Nozzle1, Self::Nozzle2, Self::Nozzle3, Self::ProbeThermistor, Self::BoardThermistor];
 
-    /// Its name in a board's file: `nozzle1` ...
+    /// The connector's name in a board's file: `nozzle1` ...
     pub const fn name(self) -> &'static str {
         match self {
             Self::Nozzle1 => "nozzle1",
@@ -91,9 +91,9 @@ impl SpareConnector {
 /// Reason why a reading gives no temperature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SensorError {
-    /// Its circuit is open.
+    /// The circuit is open.
     Open,
-    /// Its circuit is shorted.
+    /// The circuit is shorted.
     Shorted,
 }
 
@@ -140,12 +140,12 @@ impl FanOutput {
     /// All outputs, in the order of their index.
     pub const ALL: [Self; Self::COUNT] = [Self::Part, Self::HotEnd, Self::Fan2, Self::Fan3, Self::Fan4, Self::Fan5];
 
-    /// Its place in [`Self::ALL`].
+    /// The output's place in [`Self::ALL`].
     pub const fn index(self) -> usize {
         self as usize
     }
 
-    /// Its name in a board's file: `part`, `hotend`, `fan2` to `fan5`.
+    /// The output's name in a board's file: `part`, `hotend`, `fan2` to `fan5`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Part => "part",

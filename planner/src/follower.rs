@@ -24,7 +24,7 @@ impl Follower {
         self.bit
     }
 
-    /// Its place on the line.
+    /// The motor's line.
     pub fn line(&self) -> StepBresenham {
         self.line
     }

@@ -20,7 +20,7 @@ pub struct InnerEnd {
     pub steps: [i32; 3],
     /// Signed travel of the extruder since the end before it, 1/256 steps.
     pub extruder_256ths: i32,
-    /// Its source line.
+    /// Source line of the move.
     pub line: u32,
     /// True if the line's move ends here; otherwise it is a corner of an arc.
     pub ends_move: bool,

@@ -72,7 +72,7 @@ pub enum CommandError {
     OutOfRange {
         /// The word's letter.
         word: char,
-        /// Its value.
+        /// Value of the word.
         value: f64,
         /// Smallest allowed.
         minimum: f64,

@@ -46,11 +46,11 @@ impl Driver {
 /// A board.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Board {
-    /// Its name in commands and errors.
+    /// The board's name in commands and errors.
     pub name: String,
-    /// Its maker's name for it.
+    /// Maker's name for the board.
     pub title: String,
-    /// Its chip.
+    /// The board's chip.
     pub chip: Chip,
     /// Frequency of its crystal, Hz.
     pub crystal_hz: u32,
@@ -152,7 +152,7 @@ impl AccelerometerChip {
 /// An accelerometer on four wires (SPI).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Accelerometer {
-    /// Its type.
+    /// The accelerometer's type.
     pub chip: AccelerometerChip,
     /// The clock.
     pub sck: Pin,
@@ -179,20 +179,20 @@ impl EepromChip {
 /// An EEPROM on two wires (I2C).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Eeprom {
-    /// Its type.
+    /// The EEPROM's type.
     pub chip: EepromChip,
     /// The clock.
     pub scl: Pin,
     /// Data, both ways.
     pub sda: Pin,
-    /// Its address on the bus, 7 bits.
+    /// The EEPROM's address on the bus, 7 bits.
     pub address: u8,
 }
 
 /// A motor's pins.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motor {
-    /// Its name in the file.
+    /// The motor's name in the file.
     pub name: &'static str,
     /// A step is its edge.
     pub step: Pin,
@@ -235,7 +235,7 @@ pub struct Heater {
 /// A fan's pins.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fan {
-    /// Its name in the file.
+    /// The fan's name in the file.
     pub name: &'static str,
     /// High = on.
     pub pin: Pin,
@@ -250,7 +250,7 @@ pub struct Fan {
 pub struct Thermistor {
     /// Name of the measured part.
     pub name: &'static str,
-    /// Its pin.
+    /// The thermistor's pin.
     pub pin: Pin,
     /// The converter's channel at that pin.
     pub channel: AnalogueChannel,

@@ -7,13 +7,13 @@ use crate::pin::Pin;
 /// A chip that the firmware can be built for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Chip {
-    /// Its name.
+    /// The chip's name.
     pub name: &'static str,
-    /// Its package.
+    /// The chip's package.
     pub package: &'static str,
     /// The firmware's feature for its registers.
     pub feature: &'static str,
-    /// Its name in probe-rs.
+    /// The chip's name in probe-rs.
     pub probe_name: &'static str,
     /// Flash, KiB.
     pub flash_kib: u32,
@@ -27,7 +27,7 @@ pub struct Chip {
     pub max_apb1_hz: u32,
     /// Highest frequency of the fast bus (APB2), Hz.
     pub max_apb2_hz: u32,
-    /// Its registers.
+    /// Family of the chip, by its registers.
     pub family: ChipFamily,
     /// Peripherals on its buses.
     pub buses: Buses,

@@ -28,7 +28,7 @@ pub const CRYSTALS_MHZ: [u32; 4] = [8, 12, 16, 25];
 /// the least jitter).
 pub const PLL_INPUT_HZ: std::ops::RangeInclusive<u32> = 1_000_000..=2_000_000;
 
-/// Its output, Hz (as above).
+/// The PLL's output, Hz (as above).
 pub const PLL_OUTPUT_HZ: std::ops::RangeInclusive<u32> = 100_000_000..=432_000_000;
 
 /// Numbers of the PLL (as above): input divided by M, multiplied by N; the core

@@ -22,7 +22,7 @@ impl Pin {
         Some(Self { port: port as u8 - b'A', number })
     }
 
-    /// Its bit in a word of its port.
+    /// The pin's bit in a word of its port.
     pub const fn bit(self) -> u32 {
         1 << self.number
     }

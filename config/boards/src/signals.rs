@@ -79,7 +79,7 @@ pub const DEBUG_PINS: [(&str, &str); 2] = [("PA13", "SWDIO"), ("PA14", "SWCLK")]
 pub struct AnalogueChannel {
     /// The converter, 1 to 3.
     pub converter: u8,
-    /// Its channel, 0 to 15.
+    /// The converter's channel, 0 to 15.
     pub channel: u8,
 }
 

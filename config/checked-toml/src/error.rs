@@ -42,7 +42,7 @@ pub enum Problem {
     MissingKey {
         /// The key.
         key: String,
-        /// Its values, in words and with their unit.
+        /// Values, in words and with their unit.
         expected: String,
     },
     /// A value of the wrong type, or an unknown word.

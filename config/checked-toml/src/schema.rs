@@ -5,7 +5,7 @@ use std::fmt::Write;
 /// A key as it was declared.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Key {
-    /// Its name in its table.
+    /// The key's name in its table.
     pub name: &'static str,
     /// Full path.
     pub path: String,
@@ -17,9 +17,9 @@ pub struct Key {
     pub unit: &'static str,
     /// The right values, for a book.
     pub allowed: String,
-    /// Its effect when it is left out; empty for a required key.
+    /// The key's effect when it is left out; empty for a required key.
     pub absent: String,
-    /// Its meaning, for a book.
+    /// The key's meaning, for a book.
     pub about: &'static str,
     /// Two files that differ in it do not count as the same.
     pub is_bound: bool,

@@ -47,7 +47,7 @@ const MAX_MODEL_NAMES: usize = 64;
 pub(crate) struct Machine {
     /// The machine without its texts.
     pub profile: Profile,
-    /// Its name, its models' names and its macros, which a [`Profile`] needs `'static`.
+    /// The machine's name, its models' names and its macros, which a [`Profile`] needs `'static`.
     pub texts: [String; 3],
     /// The error budget and the frame, which only the desk needs.
     pub budget: ErrorBudget,

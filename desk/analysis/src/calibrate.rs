@@ -27,7 +27,7 @@ pub struct FrameMeasurement {
     pub source: String,
     /// The axis, `X` or `Y`.
     pub axis: char,
-    /// Its frame.
+    /// The measured frame.
     pub mode: Mode,
     /// The shapers for it.
     pub shapers: Comparison,

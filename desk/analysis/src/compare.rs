@@ -27,7 +27,7 @@ use crate::without_commands::{Dropped, WithoutCommands};
 pub struct Asked<'a> {
     /// The job.
     pub file: &'a Path,
-    /// Its machine. Another firmware's rules make no steps, and have no contour error.
+    /// The machine. Another firmware's rules make no steps, and have no contour error.
     pub machine: RuledMachine,
     /// Keys of the machine's profile that were changed, with their values.
     pub changes: &'a [(String, f64)],
@@ -85,7 +85,7 @@ pub struct Comparison {
     pub a: Side,
     /// The second.
     pub b: Side,
-    /// Their page.
+    /// The page that shows both.
     #[serde(skip)]
     pub page: Vec<u8>,
 }

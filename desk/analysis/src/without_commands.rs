@@ -26,7 +26,7 @@ impl Dropped {
 
 /// Position of the reader in a line.
 enum Place {
-    /// Its beginning: the characters so far, without spaces before them.
+    /// At the beginning of a line: the characters so far, without spaces before them.
     Start(Vec<u8>),
     /// The rest of a line that stays.
     Kept,

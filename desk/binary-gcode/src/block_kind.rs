@@ -16,7 +16,7 @@ pub enum BlockKind {
     PrintMetadata,
     /// A picture.
     Thumbnail {
-        /// Its format.
+        /// Format of the picture.
         format: ThumbnailFormat,
         /// Width, pixels.
         width: u16,

@@ -22,9 +22,9 @@ pub struct Error {
 pub enum Reason {
     /// The file does not begin as binary G-code does.
     NotBinaryGcode,
-    /// Its version is not 1.
+    /// The version is not 1.
     Version(u32),
-    /// Its kind of checksum is neither 0 nor 1.
+    /// The kind of checksum is neither 0 nor 1.
     ChecksumKind(u16),
     /// A block's kind is not one of 0 to 5.
     Kind(u16),

@@ -41,7 +41,7 @@ const MAX_NOTICES: u32 = 20;
 pub enum Event {
     /// The work's progress.
     Progress {
-        /// Its step: `estimate`, `record`, `compare` or `write`.
+        /// Step: `estimate`, `record`, `compare` or `write`.
         step: &'static str,
         /// Share of the step, 0 to 1.
         share: f64,

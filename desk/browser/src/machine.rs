@@ -16,7 +16,7 @@ pub const OF_JOB: &str = "of-the-job";
 /// A machine, and the planner of its time.
 #[derive(Debug)]
 pub struct Machine {
-    /// Its profile.
+    /// The machine's profile.
     pub profile: Profile,
     /// The planner of another firmware; `None` for this firmware's rules.
     pub by: Option<ByRules>,

@@ -4,7 +4,7 @@
 pub struct Fit<const N: usize> {
     /// The parameters.
     pub parameters: [f64; N],
-    /// Their covariance, from what the curve leaves.
+    /// Covariance of the parameters, from the curve's residuals.
     pub covariance: [[f64; N]; N],
 }
 

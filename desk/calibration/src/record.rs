@@ -41,7 +41,7 @@ pub enum RecordError {
     Line {
         /// Counted from 1.
         line: usize,
-        /// Its text.
+        /// The line's text.
         text: String,
     },
     /// Samples are missing.

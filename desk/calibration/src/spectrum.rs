@@ -48,7 +48,7 @@ pub enum SpectrumError {
         axis: char,
         /// The axis that shakes most.
         strongest: char,
-        /// Its power over that of the axis.
+        /// Power of the other axis over that of the one measured.
         times: f64,
     },
     /// No axis shakes.

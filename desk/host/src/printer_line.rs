@@ -54,7 +54,7 @@ impl fmt::Display for Address {
 /// A serial port of this computer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FoundPort {
-    /// Its name, as [`Address::Serial`] takes it.
+    /// Name, as [`Address::Serial`] takes it.
     pub name: String,
     /// Vendor and product number, where it is on USB.
     pub usb: Option<(u16, u16)>,

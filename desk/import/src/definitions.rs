@@ -5,13 +5,13 @@ use std::collections::HashMap;
 /// A definition that is in force.
 #[derive(Clone, Debug)]
 pub struct Definition {
-    /// Its file.
+    /// The definition's file.
     pub file: String,
-    /// Its line, from 1.
+    /// The definition's line, from 1.
     pub line: usize,
-    /// Its name.
+    /// The definition's name.
     pub name: String,
-    /// Its value; empty for a switch.
+    /// The definition's value; empty for a switch.
     pub value: String,
     /// The command by which a running printer says it.
     pub by: Option<String>,

@@ -7,11 +7,11 @@ use std::fmt;
 pub struct Row {
     /// The file.
     pub file: String,
-    /// Its line, from 1.
+    /// The row's line, from 1.
     pub line: usize,
     /// The setting, with its section: `[stepper_x] microsteps`.
     pub key: String,
-    /// Its value, on one line.
+    /// The row's value, on one line.
     pub value: String,
     /// The profile's key that says it, with its value there; `None` if it is not kept.
     pub kept: Option<String>,

@@ -9,13 +9,13 @@ use crate::includes::{Included, MAX_INCLUDES, beside};
 /// A setting.
 #[derive(Clone, Debug)]
 pub struct Entry {
-    /// Its file.
+    /// The entry's file.
     pub file: String,
-    /// Its line, from 1.
+    /// The entry's line, from 1.
     pub line: usize,
-    /// Its key, in lower case.
+    /// The entry's key, in lower case.
     pub key: String,
-    /// Its value; lines after the first with a line end before each.
+    /// The entry's value; lines after the first with a line end before each.
     pub value: String,
     /// The setting is in the part that SAVE_CONFIG has written, and holds only where no other
     /// line sets its key.
@@ -25,13 +25,13 @@ pub struct Entry {
 /// A section. One that occurs again continues, and a later value holds.
 #[derive(Clone, Debug)]
 pub struct Section {
-    /// Its name in brackets, without spaces around.
+    /// The section's name in brackets, without spaces around.
     pub name: String,
     /// The file of its first line.
     pub file: String,
-    /// Its first line.
+    /// The section's first line.
     pub line: usize,
-    /// Its settings.
+    /// The section's settings.
     pub entries: Vec<Entry>,
     /// The setting of each key that holds, by its place.
     holding: HashMap<String, usize>,
@@ -57,7 +57,7 @@ impl Section {
 /// A configuration.
 #[derive(Clone, Debug, Default)]
 pub struct Config {
-    /// Its sections, in their order.
+    /// The configuration's sections, in their order.
     pub sections: Vec<Section>,
     /// Includes that were not found: file, line, name, why.
     pub missing: Vec<(String, usize, String, String)>,

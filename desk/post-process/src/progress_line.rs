@@ -10,7 +10,7 @@ const MAX_DECIMALS: usize = 6;
 /// A word of a line: its letter, and the place of its number.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Word {
-    /// Its letter, as it is written.
+    /// The word's letter, as it is written.
     pub letter: u8,
     /// The place of its number in the line, bytes.
     pub number: Range<usize>,

@@ -26,7 +26,7 @@ const LAST_WORDS: &str = "last words";
 pub struct BlackBoxReport {
     /// The board that has sent it.
     pub board: String,
-    /// Its profile.
+    /// Name of the profile.
     pub profile: String,
     /// Version of its firmware.
     pub version: String,

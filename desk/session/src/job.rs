@@ -18,9 +18,9 @@ use crate::unread::Unread;
 pub enum JobError {
     /// A line could not be executed.
     Line {
-        /// Its number in the file, from 1.
+        /// Number of the line in the file, from 1.
         line: u32,
-        /// Its text, as far as it could be read.
+        /// Text of the line, as far as it could be read.
         text: String,
         /// The error, and how to mend it.
         message: String,

@@ -57,7 +57,7 @@ pub(crate) struct Settled {
 /// Part of a move with constant acceleration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Phase {
-    /// Its time, s.
+    /// Duration of the phase, s.
     pub seconds: f64,
     /// Speeds at its start and its end, mm/s.
     pub speeds_mm_per_s: [f64; 2],

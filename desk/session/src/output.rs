@@ -25,9 +25,9 @@ pub enum Accepted {
 /// A file that the output must not replace.
 #[derive(Clone, Copy, Debug)]
 pub struct Protected<'a> {
-    /// Its path.
+    /// Path of the file.
     pub path: &'a Path,
-    /// Its description for the error message: "the profile".
+    /// Description of the file for the error message: "the profile".
     pub what: &'static str,
 }
 

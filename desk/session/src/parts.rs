@@ -45,7 +45,7 @@ pub struct LayerPart {
 /// A feature, as the slicer names it, in all layers; or an object.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NamedPart {
-    /// Its name.
+    /// Name of the feature or object.
     pub name: String,
     /// Duration of its motion.
     pub time_s: f64,
@@ -56,9 +56,9 @@ pub struct NamedPart {
 /// A line at which the printer waits for a person.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PausePart {
-    /// Its line.
+    /// Line of the command.
     pub line: u32,
-    /// Its command.
+    /// Name of the command.
     pub command: String,
     /// Time of the print at which it begins, with homing and heating.
     pub at_s: f64,

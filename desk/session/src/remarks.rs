@@ -55,9 +55,9 @@ impl RemarkKind {
 /// A remark.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Remark {
-    /// Its subject.
+    /// Subject of the remark.
     pub kind: RemarkKind,
-    /// Its text, with the command.
+    /// Text of the remark, with the command.
     pub message: String,
     /// Number of its lines.
     pub count: u64,

@@ -119,7 +119,7 @@ pub struct Summary {
     pub realtime_factor: f64,
     /// Layers, by the slicer's comments.
     pub layers: u32,
-    /// Its parts, of a job that is G-code.
+    /// Parts of the print, of a job that is G-code.
     #[serde(flatten)]
     pub parts: Option<PrintParts>,
     /// The slicer's figures, from binary G-code.

@@ -58,7 +58,7 @@ type Card = LocalCard<VirtualCard<Vec<u8>>>;
 /// A session with a host's port.
 type HostSession = LiveSession<HostPort>;
 
-/// Its printer.
+/// The printer that is served.
 type HostPrinter<'a> = Printer<'a, DeskPorts<'a, SharedMotion<LiveMachine<'a>>>>;
 
 /// The settings of a served printer.
@@ -80,7 +80,7 @@ pub struct Settings {
 /// A printer's state, for a person.
 #[derive(Clone, Debug)]
 pub struct Status {
-    /// Its activity.
+    /// Activity of the printer.
     pub state: State,
     /// True while a host is connected.
     pub is_connected: bool,

@@ -123,7 +123,7 @@ impl Commanded {
 #[derive(Clone, Copy, Debug)]
 struct Near {
     along_mm: f64,
-    /// Its distance from the nozzle.
+    /// Distance of the place from the nozzle.
     off_mm: f64,
 }
 

@@ -31,13 +31,13 @@ pub struct Finding {
 /// A remark on a job's lines.
 #[derive(Clone, Copy, Debug)]
 pub struct Remarked<'a> {
-    /// Its text.
+    /// Text of the remark.
     pub message: &'a str,
     /// Number of its lines.
     pub count: u64,
     /// The first of them.
     pub line: Option<u32>,
-    /// Its weight.
+    /// Weight of the remark.
     pub weight: Weight,
 }
 

@@ -73,7 +73,7 @@ pub struct Job {
 /// Another firmware's rules, and the limits that held by them.
 #[derive(Clone, Debug, Serialize)]
 pub struct RulesShown {
-    /// Their name.
+    /// Name of the rules.
     pub name: &'static str,
     /// Names of the limits, in the order of their numbers ([`crate::Node::limit`]).
     pub limits: Vec<&'static str>,
@@ -84,7 +84,7 @@ pub struct RulesShown {
 /// The time of a limit.
 #[derive(Clone, Debug, Serialize)]
 pub struct LimitTime {
-    /// Its name.
+    /// Name of the limit.
     pub limit: &'static str,
     /// Time that it held, s.
     pub seconds: f64,

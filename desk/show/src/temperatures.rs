@@ -11,7 +11,7 @@ const DIFFERENCE_C: f32 = 0.5;
 pub struct Chamber {
     /// Degrees Celsius.
     pub celsius: f32,
-    /// Its target; 0 is off.
+    /// Target of the chamber; 0 is off.
     pub target_celsius: f32,
 }
 
@@ -22,7 +22,7 @@ pub struct Temperature {
     pub time_s: f64,
     /// Nozzle and bed, degrees Celsius.
     pub celsius: [f32; 2],
-    /// Their targets; 0 is off.
+    /// Targets of nozzle and bed; 0 is off.
     pub target_celsius: [f32; 2],
     /// The same of the chamber, if its temperature is known.
     pub chamber: Option<Chamber>,

@@ -72,7 +72,7 @@ pub struct SlicerTime {
     pub of: TimeOf,
     /// The time, s.
     pub seconds: f64,
-    /// Its place in the comment, bytes.
+    /// Place of the time in the comment, bytes.
     pub place: Range<usize>,
     form: Form,
 }

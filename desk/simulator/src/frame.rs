@@ -104,11 +104,11 @@ impl Mode {
 /// A second mode of both axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SecondMode {
-    /// Its frequency as a multiple of the first one's.
+    /// Frequency as a multiple of the first one's.
     pub frequency_ratio: f64,
-    /// Its damping ratio.
+    /// Damping ratio.
     pub damping: f64,
-    /// Its share in the nozzle's place, the first mode's being 1.
+    /// Share in the nozzle's place, the first mode's being 1.
     pub amplitude: f64,
 }
 

@@ -96,7 +96,7 @@ pub struct Plan {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct MoveEnd {
     pub time_s: f64,
-    /// Its line in the G-code.
+    /// Line of the move in the G-code.
     pub line: u32,
 }
 
@@ -156,11 +156,11 @@ impl Plan {
 /// A straight move as it is executed: a speed along its path at the start, and accelerations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExecutedMove {
-    /// Its line in the G-code, if a trace has a record of its end.
+    /// Line of the move in the G-code, if a trace has a record of its end.
     pub recorded_line: Option<u32>,
     /// Start of X, Y, Z and the filament, mm.
     pub start_mm: [f64; 4],
-    /// Its geometry.
+    /// Geometry of the move.
     pub shape: MoveShape,
     /// Speed at its start, mm/s.
     pub entry_mm_per_s: f64,

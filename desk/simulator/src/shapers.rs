@@ -63,7 +63,7 @@ impl std::error::Error for ShaperError {}
 /// An impulse of a shaper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Impulse {
-    /// Its part of the command; a shaper's weights sum to 1.
+    /// The impulse's share of the command; a shaper's weights sum to 1.
     pub weight: f64,
     /// Delay after the command, s; negative is earlier.
     pub delay_s: f64,

@@ -25,7 +25,7 @@ pub enum Speaker {
 /// A line of the console.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ConsoleLine {
-    /// Its number, from 1, one more than that of the line before.
+    /// Number of the line, from 1, one more than that of the line before.
     pub number: u64,
     /// Speaker of the line.
     pub speaker: Speaker,

@@ -35,24 +35,24 @@ pub enum Activity {
 pub struct Heat {
     /// Temperature of the nozzle.
     pub nozzle_celsius: f64,
-    /// Its target.
+    /// Target of the nozzle.
     pub nozzle_target_celsius: f64,
     /// Temperature of the bed.
     pub bed_celsius: f64,
-    /// Its target.
+    /// Target of the bed.
     pub bed_target_celsius: f64,
     /// Temperature of the chamber, if known.
     pub chamber_celsius: Option<f64>,
-    /// Its target.
+    /// Target of the chamber.
     pub chamber_target_celsius: Option<f64>,
 }
 
 /// The file that is printed, or could be.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Job {
-    /// Its name, only shown.
+    /// Name of the file, only shown.
     pub name: String,
-    /// Its size.
+    /// Size of the file.
     pub bytes: u64,
     /// Line of the file up to which commands were answered; 0 before the start.
     pub line: u32,
@@ -96,18 +96,18 @@ impl std::error::Error for Refusal {}
 /// A file that has come whole. It is deleted when this is dropped.
 #[derive(Debug)]
 pub struct Upload {
-    /// Its name as the client says it, without control characters; for show, never a path.
+    /// Name of the file as the client says it, without control characters; for show, never a path.
     pub name: String,
-    /// Its content.
+    /// Content of the file.
     pub file: NamedTempFile,
-    /// Its size.
+    /// Size of the file.
     pub bytes: u64,
 }
 
 /// A printer that the page shows. The calls come from several threads and return soon: none waits
 /// for the printer.
 pub trait Printer: Send + Sync + 'static {
-    /// Its state now.
+    /// The printer's state now.
     fn state(&self) -> State;
 
     /// The console's lines after this number, the oldest first.

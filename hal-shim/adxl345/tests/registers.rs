@@ -85,7 +85,7 @@ impl Chip {
     }
 }
 
-/// Its bus.
+/// Bus of the chip.
 #[derive(Debug)]
 struct Bus<'a>(&'a RefCell<Chip>);
 

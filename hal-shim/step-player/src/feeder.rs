@@ -47,7 +47,7 @@ impl Signals {
 pub enum FeedError {
     /// The ring is full.
     Full,
-    /// Its interval is shorter than pulses, direction set-up and the interrupt allow.
+    /// The interval is shorter than pulses, direction set-up and the interrupt allow.
     TooNear,
 }
 

@@ -20,7 +20,7 @@ pub static FERROSTEP_DRIVERS: AtomicU8 = AtomicU8::new(0b1111_1111);
 
 /// The peripheral of a board's driver lines. Its interrupt is USART2's or TIM7's.
 pub trait DriverLine: SingleWireUart {
-    /// Their speed.
+    /// Speed of the lines.
     const BAUD: u32;
     /// The interrupt to be called when a datagram begins, for an emulator's port that does
     /// not do so itself.

@@ -9,7 +9,7 @@ use crate::registers::Registers;
 /// First address (RM0090 2.3, table 1); the register description names no memory.
 pub const BACKUP_MEMORY: u32 = 0x4002_4000;
 
-/// Its clock, in RCC_AHB1ENR (RM0090 7.3.10).
+/// The memory's clock, in RCC_AHB1ENR (RM0090 7.3.10).
 const BACKUP_MEMORY_CLOCK: u32 = 1 << 18;
 
 // RM0090, 5.4.1 and 5.4.2.

@@ -23,7 +23,7 @@ const LEVEL: u32 = 0b11 << 2;
 const PWR_CR: u32 = register!(PWR.cr);
 const PWR_CSR: u32 = register!(PWR.csr);
 const PVDE: u32 = 1 << 4;
-/// Its highest level, 2.9 V.
+/// Highest level of the brown-out reset, 2.9 V.
 const PLS: u32 = 0b111 << 5;
 /// The supply is below that.
 const PVDO: u32 = 1 << 2;

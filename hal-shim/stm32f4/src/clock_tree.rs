@@ -53,7 +53,7 @@ pub fn start_best(tree: &mut impl ClockTree) -> ClockSource {
 /// A clock that runs. Its text is for the host: `HSI 16 MHz, time stretched 5.25 times`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Clock {
-    /// Its source.
+    /// The clock's source.
     pub source: ClockSource,
     /// Frequency of the core and of its SysTick.
     pub core: Hertz,

@@ -98,7 +98,7 @@ impl ConverterNumber {
         }
     }
 
-    /// Its clock's switch in RCC_APB2ENR.
+    /// The switch of the converter's clock in RCC_APB2ENR.
     const fn clock(self) -> u32 {
         match self {
             Self::One => 1 << 8,
@@ -106,7 +106,7 @@ impl ConverterNumber {
         }
     }
 
-    /// Its channel of DMA2's stream 0.
+    /// The converter's channel of DMA2's stream 0.
     const fn stream_channel(self) -> u32 {
         match self {
             Self::One => 0,
@@ -131,7 +131,7 @@ pub struct Converter {
     channels: &'static [u8],
     /// Memory to which DMA stores conversions: one of each channel in turn, [`CONVERSIONS`] times.
     memory: &'static [AtomicU16],
-    /// Its address, as DMA knows it.
+    /// The converter's address, as DMA knows it.
     memory_address: u32,
     /// The last readings that were whole, of the nozzle's and the bed's sensor.
     last: [u16; Heater::COUNT],

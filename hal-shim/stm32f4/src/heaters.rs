@@ -14,7 +14,7 @@ use ferrostep_hal_shim::{FanOutput, Fans, Heater, ThermalBoard};
 pub struct ThermalPins {
     /// The converter of all thermistors.
     pub converter: ConverterNumber,
-    /// Its channels in their turn.
+    /// The converter's channels in their turn.
     pub channels: &'static [u8],
     /// Place of each heater's sensor among the channels; `None` for a heater that the
     /// machine does not have.

@@ -64,7 +64,7 @@ impl Histogram {
         self.max.store(0, Ordering::Relaxed);
     }
 
-    /// Its summary now; all zero when empty.
+    /// Summary at present; all zero when empty.
     pub fn summary(&self) -> Summary {
         let counts = self.buckets.each_ref().map(|bucket| bucket.load(Ordering::Relaxed));
         let max = self.max.load(Ordering::Relaxed);

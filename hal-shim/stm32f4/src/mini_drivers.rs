@@ -15,7 +15,7 @@ pub const MINI: DriverSettings = DriverSettings {
     both_edges: false,
 };
 
-/// Its drivers' addresses on their line.
+/// Addresses of the drivers on their line.
 pub const MINI_WIRING: [DriverWiring; MOTORS] = [
     DriverWiring { line: 0, address: 1, sense_milliohm: 220 },
     DriverWiring { line: 0, address: 3, sense_milliohm: 220 },

@@ -61,7 +61,7 @@ impl ResetCause {
 }
 
 impl ResetCause {
-    /// Its text.
+    /// Text of the cause.
     pub const fn name(self) -> &'static str {
         match self {
             Self::PowerOn => "power-on",

@@ -24,9 +24,9 @@ const LOOKS: u32 = 8;
 /// A sensor's pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SensorPin {
-    /// Its port: 0 is A.
+    /// Port of the pin: 0 is A.
     pub port: u8,
-    /// Its number there, 0 to 15, which is also its interrupt line.
+    /// Number of the pin there, 0 to 15, which is also its interrupt line.
     pub number: u8,
     /// True if its level is low when the sensor triggers.
     pub triggers_low: bool,

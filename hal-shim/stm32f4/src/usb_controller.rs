@@ -6,7 +6,7 @@ use ferrostep_register_address::register;
 
 use crate::registers::Registers;
 
-/// Its clock in [`RCC_AHB2ENR`](crate::rcc::RCC_AHB2ENR).
+/// The controller's clock in [`RCC_AHB2ENR`](crate::rcc::RCC_AHB2ENR).
 pub const CLOCK: u32 = 1 << 7;
 
 /// Device control.

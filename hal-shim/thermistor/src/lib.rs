@@ -169,7 +169,7 @@ impl SteinhartHart {
 /// A sensor on its pull-up resistor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thermistor {
-    /// Its type.
+    /// The thermistor's type.
     pub kind: ThermistorType,
     /// The resistor from the sensor to the reference voltage, ohms.
     pub pull_up_ohm: f32,

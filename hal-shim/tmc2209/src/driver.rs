@@ -57,7 +57,7 @@ enum Step {
 pub struct DriverReport {
     /// Reliability of the driver.
     pub state: DriverState,
-    /// Its settings.
+    /// Settings of the driver.
     pub settings: DriverSettings,
     /// Effective current in motion that this makes, mA.
     pub run_ma: u16,
@@ -186,7 +186,7 @@ impl Driver {
         self.image.and_then(|image| image.writes.get(index).copied())
     }
 
-    /// Its next datagram; `None` without one.
+    /// The driver's next datagram; `None` without one.
     pub(super) fn request(&self) -> Option<Request> {
         Some(match self.step {
             Step::Idle => return None,

@@ -76,7 +76,7 @@ pub enum DriverEventKind {
 pub struct DriverEvent {
     /// The motor's number.
     pub motor: usize,
-    /// Its kind.
+    /// Kind of the event.
     pub kind: DriverEventKind,
 }
 

@@ -67,7 +67,7 @@ impl Register {
         Self::PwmConf,
     ];
 
-    /// Its address.
+    /// The register's address.
     #[must_use]
     pub const fn address(self) -> u8 {
         self as u8

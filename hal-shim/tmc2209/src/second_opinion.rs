@@ -30,7 +30,7 @@ fn registers_have_the_same_addresses_and_rights() {
     }
 }
 
-/// Their reader looks for a reply in all bytes of the line, on which the sent ones come back.
+/// The reader looks for a reply in all bytes of the line, on which the sent ones come back.
 #[test]
 fn their_reader_takes_an_echo_for_a_reply() {
     let echo = write_request(0, Register::Tcoolthrs, 0x0005_ff00);

@@ -66,9 +66,9 @@ pub struct DriverSettings {
 pub struct DriverWiring {
     /// Index of its line.
     pub line: u8,
-    /// Its address there, by the pins MS1 and MS2: 0 to 3.
+    /// Address on the line, by the pins MS1 and MS2: 0 to 3.
     pub address: u8,
-    /// Its sense resistors, milliohm.
+    /// Sense resistors of the driver, milliohm.
     pub sense_milliohm: u16,
 }
 

@@ -44,7 +44,7 @@ impl DriverChip {
         chip
     }
 
-    /// Its supply was away for a moment: all registers are at their defaults, and GSTAT says so.
+    /// The supply was away for a moment: all registers are at their defaults, and GSTAT says so.
     pub fn reset(&mut self) {
         self.registers = [0; ADDRESSES];
         for (register, value) in RESET_VALUES {

@@ -48,7 +48,7 @@ pub struct VirtualSensor {
     pub place: SensorPlace,
     /// True at the upper end of the axis, false at the lower.
     pub at_max: bool,
-    /// Its fault.
+    /// The sensor's fault.
     pub fault: SensorFault,
 }
 

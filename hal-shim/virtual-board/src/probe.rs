@@ -46,7 +46,7 @@ pub struct VirtualProbe {
     /// The part of the sheet that is printed on: lower and upper end along X and Y, machine
     /// coordinates, units of 10 nm. The sheet is half a millimetre larger on each side.
     pub sheet_10nm: [[i64; 2]; 2],
-    /// Its shape.
+    /// Shape of the sheet.
     pub shape: SheetShape,
 }
 

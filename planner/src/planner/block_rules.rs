@@ -70,7 +70,7 @@ pub(crate) struct Travel {
     pub feed_mm_per_s: f32,
     pub line: u32,
     pub ends_move: bool,
-    /// Its limits, if it is a part of a travel on which filament moves.
+    /// Limits of the travel, if it is a part of one on which filament moves.
     pub part: Option<PartLimits>,
 }
 

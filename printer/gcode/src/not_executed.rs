@@ -35,7 +35,7 @@ pub struct NotExecuted {
     /// Usual spelling: `G29`, `G55 to G59`; names are separated by `, `, and one that ends with `*`
     /// includes all that begin so.
     pub name: &'static str,
-    /// Its action on machines that execute it.
+    /// The command's action on machines that execute it.
     pub meaning: &'static str,
     /// Reason why it is not executed here, or what to use instead; for a refused one, what would
     /// be wrong after it.

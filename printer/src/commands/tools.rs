@@ -39,7 +39,7 @@ const WITH_FIRST: &str = "a prepared job is for T0: send T0 first";
 struct Change {
     /// Present place of the carriage.
     from_10nm: [i64; 3],
-    /// Its place after the change.
+    /// The nozzle's place after the change.
     to_10nm: [i64; 3],
     /// The axes where the new nozzle cannot reach the old one's place.
     clamped: [bool; 3],

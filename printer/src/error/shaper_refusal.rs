@@ -27,7 +27,7 @@ impl fmt::Display for KnownShapers {
 pub struct ShaperRefusal {
     /// Index of the axis, 0 or 1.
     pub(crate) axis: u8,
-    /// Its fault.
+    /// Reason of the refusal.
     pub(crate) error: ShaperError,
     /// The requested filter.
     pub(crate) shaper: AxisShaper,

@@ -76,7 +76,7 @@ impl FanRule {
 /// A fan of the machine, at the output of its place in [`FanTable`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FanSettings {
-    /// Its name in the profile, for SET_FAN_SPEED and reports.
+    /// The fan's name in the profile, for SET_FAN_SPEED and reports.
     pub name: &'static str,
     /// Condition under which it turns.
     pub rule: FanRule,

@@ -41,7 +41,7 @@ pub(crate) enum Writing {
     Not,
     /// The lines go into a file (M28).
     File,
-    /// Their file has failed: they are dropped, so that none of them is executed.
+    /// The file of the lines has failed: they are dropped, so that none of them is executed.
     Lost,
     /// The lines go into a file and are executed (M928).
     Log,

@@ -22,7 +22,7 @@ pub enum Source {
 pub(crate) struct Lines {
     /// Number of the line being executed.
     pub number: u32,
-    /// Its source.
+    /// Source of the line at hand.
     pub source: Source,
     /// The command at hand is a line of a macro.
     pub is_in_macro: bool,

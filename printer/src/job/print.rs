@@ -17,9 +17,9 @@ pub struct JobRequest {
 
 /// The print at hand.
 pub(crate) struct Print<'a> {
-    /// Its file, if it is one on a card.
+    /// The print's file, if it is one on a card.
     pub card: Card<'a>,
-    /// Its state while it is paused.
+    /// The print's state while it is paused.
     pub paused: Option<Paused>,
     /// Progress by M73: percent, and minutes left.
     pub progress: (Option<u8>, Option<u16>),

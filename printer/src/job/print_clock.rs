@@ -42,7 +42,7 @@ pub(crate) struct Statistics {
 }
 
 impl Statistics {
-    /// Its numbers, in the order in which a memory has them: new ones come last.
+    /// The numbers, in the order in which a memory has them: new ones come last.
     pub fn numbers_mut(&mut self) -> [&mut u32; 7] {
         let Self { prints, finished, printed_s, longest_s, filament_10mm, heated_s: [nozzle_s, bed_s] } = self;
         [prints, finished, printed_s, longest_s, filament_10mm, nozzle_s, bed_s]

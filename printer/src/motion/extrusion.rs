@@ -32,7 +32,7 @@ impl AdaptiveExtrusion {
         Self { settings, lambda: (lambda * (1u64 << LAMBDA_BITS) as f64 + 0.5) as u64, owed: 0 }
     }
 
-    /// Its settings.
+    /// Settings in force.
     pub fn settings(&self) -> ExtrusionSettings {
         self.settings
     }

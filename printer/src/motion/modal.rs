@@ -42,7 +42,7 @@ pub(crate) struct KnownZ {
 pub(crate) struct NewestRetraction {
     /// Position of the motors of X, Y and Z.
     pub motor_steps: [i32; 3],
-    /// Its filament, units of 0.1 nm.
+    /// Filament of the retraction, units of 0.1 nm.
     pub filament_100pm: i64,
 }
 

@@ -27,7 +27,7 @@ pub trait Accelerometer: fmt::Debug {
 /// Type and settings of an accelerometer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AccelerometerSettings {
-    /// Its type.
+    /// Type of the chip.
     pub name: &'static str,
     /// Samples a second.
     pub rate_hz: u16,

@@ -22,7 +22,7 @@ const LINES: [(&str, u32, u32); 5] =
 /// X of the lines of every slope.
 const SLOPE_X: u32 = 100;
 
-/// Their Y.
+/// Y of the slopes.
 const SLOPES_Y: [u32; 23] = [0, 1, 2, 3, 5, 10, 15, 20, 25, 30, 33, 40, 45, 50, 51, 55, 60, 70, 80, 90, 95, 99, 100];
 
 const X: u8 = 1;

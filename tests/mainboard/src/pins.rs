@@ -6,9 +6,9 @@ use std::str::FromStr;
 /// A pin of the chip, such as PD1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 pub struct Pin {
-    /// Its port, 0 for A.
+    /// The pin's port, 0 for A.
     pub port: u8,
-    /// Its number, 0 to 15.
+    /// The pin's number, 0 to 15.
     pub number: u8,
 }
 

@@ -57,7 +57,7 @@ enum Role {
 /// The pin of a heater or fan, and the timer channel that may drive it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Switched {
-    /// Its pin.
+    /// The pin itself.
     pub pin: Pin,
     /// The timer channel that can drive the pin.
     pub timer: Option<TimerChannel>,

@@ -15,7 +15,7 @@ pub const MACHINES: [(&str, &str, &str); 3] = [
     ("Ferrostep Prusa MINI", "ferrostep_prusa_mini", "prusa-mini"),
 ];
 
-/// Their folder.
+/// Folder of the slicers.
 pub fn folder() -> PathBuf {
     repository().join("examples/slicers")
 }

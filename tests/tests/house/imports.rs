@@ -14,7 +14,7 @@ type Module = Vec<String>;
 
 /// The files of a package's library, or of its program where it has no library.
 pub struct Imports {
-    /// Their text, without comments and tests.
+    /// Texts of the files, without comments and tests.
     texts: BTreeMap<Module, String>,
     /// Names that the modules pass on, and their origins.
     passed_on: BTreeMap<(Module, String), Vec<String>>,

@@ -36,7 +36,7 @@ pub struct AdvanceSteps {
 /// Parameters of the printed lines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdvanceLines {
-    /// Their values.
+    /// The lines' values.
     pub steps: AdvanceSteps,
     /// Speed of the first and the last part, mm/s.
     pub slow_mm_per_s: f64,

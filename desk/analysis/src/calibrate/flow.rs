@@ -48,7 +48,7 @@ pub struct FlowSteps {
 /// Parameters of the printed tube.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlowTube {
-    /// Its flows.
+    /// The tube's flows.
     pub steps: FlowSteps,
     /// Temperatures of nozzle and bed.
     pub temperatures: Temperatures,

@@ -48,7 +48,7 @@ pub enum Tried {
 pub struct SpeedSteps {
     /// Quantity that rises.
     pub tried: Tried,
-    /// Its value in the first stage, mm/s^2 or mm/s.
+    /// The limit's value in the first stage, mm/s^2 or mm/s.
     pub first: f64,
     /// Increase from stage to stage, mm/s^2 or mm/s.
     pub step: f64,

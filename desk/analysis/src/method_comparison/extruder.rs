@@ -33,10 +33,10 @@ pub struct Extruder {
     planned_100pm: VecDeque<i64>,
     /// Filament of parts that lead to the next end of a move and have no filament themselves.
     open_100pm: i64,
-    /// Its planned position at the start of the present move, 0.1 nm, and its real one, steps.
+    /// Planned position at the start of the present move, 0.1 nm, and the real one, steps.
     start_100pm: i64,
     steps: i64,
-    /// Its steps in the present move, with their ticks.
+    /// Steps made in the present move, with their ticks.
     made: Vec<(u64, i64)>,
     farthest_off_steps: f64,
 }
@@ -81,7 +81,7 @@ impl Extruder {
         self.start_100pm += filament_100pm;
     }
 
-    /// Its greatest distance from lambda s(t), just before or just after one of its
+    /// Greatest distance from lambda s(t), just before or just after one of its
     /// steps, in steps.
     pub fn farthest_off_steps(&self) -> f64 {
         self.farthest_off_steps

@@ -61,13 +61,13 @@ impl SimulatedFilter {
 pub struct Compared {
     /// The firmware with these rules.
     pub rules: &'static str,
-    /// Its shaper.
+    /// Name of the shaper.
     pub shaper: String,
     /// The frequencies its shapers are made for, Hz.
     pub shaper_frequency_hz: [f64; 2],
-    /// Its pressure advance, s.
+    /// Pressure advance, s.
     pub pressure_advance_s: f64,
-    /// Its measures.
+    /// Measures of the error.
     #[serde(flatten)]
     pub report: Report,
 }

@@ -17,7 +17,7 @@ pub enum FetchError {
     Unknown,
     /// The printer refuses; its words.
     Refused(String),
-    /// Its lines do not fit together.
+    /// The lines do not fit together.
     Lines(LinesError),
 }
 

@@ -21,7 +21,7 @@ const GRAVITY_MM_PER_S2: f64 = 9806.65;
 const RANGE_MICRO_G: i32 = 16_000_000;
 const WAITING_SAMPLES: usize = 32;
 
-/// Its noise at any rate, as the standard deviation: about one and a half units of the finest
+/// Noise at any rate, as the standard deviation: about one and a half units of the finest
 /// resolution, 3.9 mg.
 const NOISE_MICRO_G: f64 = 6_000.0;
 

@@ -36,7 +36,7 @@ pub struct ExtruderNow {
     pub steps: i64,
     /// Filament it has pushed, as the printer knows it.
     pub pushed: PushedFilament,
-    /// Its steps in a millimetre of filament.
+    /// Steps in a millimetre of filament.
     pub steps_per_mm: f64,
 }
 

@@ -29,7 +29,7 @@ const PORTION_BYTES: usize = 64 * 1024;
 pub struct Target<W> {
     /// The file.
     pub out: W,
-    /// Its encoding.
+    /// Encoding of the file.
     pub encoding: Encoding,
 }
 
@@ -38,7 +38,7 @@ pub struct Target<W> {
 pub struct Prepared {
     /// The header of the file.
     pub header: Header,
-    /// Its length, bytes.
+    /// Length of the file, bytes.
     pub bytes: u64,
     /// Bytes of all frames (packets): the header and its thumbnail left out.
     pub content_bytes: u64,

@@ -12,14 +12,14 @@ use ferrostep_planner::{Move, PlannedBlock, Planner, Recorded, Recorder, Squared
 /// Form in which the command in execution is written to the file.
 #[derive(Clone, Debug, Default, PartialEq)]
 enum Now {
-    /// Its moves.
+    /// The line's moves.
     Moves {
         /// True if their filament counts in E.
         counts: bool,
     },
     /// A change of the fan.
     Fan { line: u32, power: u8 },
-    /// Its text; the machine makes its motion by itself (homing).
+    /// The command's text; the machine makes its motion by itself (homing).
     #[default]
     Text,
 }
@@ -70,7 +70,7 @@ pub enum Ready {
     Command {
         /// Source line.
         line: u32,
-        /// Its text.
+        /// The command's text.
         text: String,
     },
     /// The settings in force have changed.

@@ -25,7 +25,7 @@ pub struct SlicerFigures {
     /// The printer that it sliced for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub printer_model: Option<String>,
-    /// Its estimate of the printing time, s.
+    /// The slicer's estimate of the printing time, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time_s: Option<u32>,
     /// Filament, of all extruders together, mm.

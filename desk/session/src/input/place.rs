@@ -120,7 +120,7 @@ mod tests {
         follows("cube-cura.gcode.gz", 1e-9);
     }
 
-    /// Its parts are packed unlike well.
+    /// The parts of a file are compressed unequally well.
     #[test]
     fn the_share_of_binary_gcode_is_nearly_so() {
         follows("cube.bgcode", 0.1);

@@ -53,7 +53,7 @@ pub enum SlicedError {
     TooLarge {
         /// The plate.
         plate: u32,
-        /// Its size, bytes.
+        /// Size of the plate, bytes.
         bytes: u64,
     },
 }
@@ -149,7 +149,7 @@ fn is_of_project(path: &[u8]) -> bool {
 pub struct PlateGcode {
     /// Reads it from its beginning.
     pub reader: Box<dyn Read>,
-    /// Its length, bytes.
+    /// Length of the G-code, bytes.
     pub bytes: u64,
 }
 

@@ -51,7 +51,7 @@ impl fmt::Display for Source {
 pub(super) struct Told {
     /// Degrees Celsius.
     pub celsius: f64,
-    /// Its source.
+    /// Source of the target.
     pub by: Source,
 }
 

@@ -98,9 +98,9 @@ impl Temperatures {
 /// heated by other lines.
 #[derive(Debug)]
 pub(super) struct Call {
-    /// Its line.
+    /// Line of the command.
     pub line: u32,
-    /// Its text.
+    /// Text of the command.
     pub text: String,
     /// The printer knows its name, as one that is not executed.
     pub is_known: bool,

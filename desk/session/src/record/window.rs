@@ -16,9 +16,9 @@ pub enum Bound {
 /// A part of the motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
-    /// Its beginning: this time, or where the first motion of this line or of a later one begins.
+    /// The beginning: this time, or where the first motion of this line or of a later one begins.
     pub from: Bound,
-    /// Its end: this time, or where the motion of this line ends; the end of all motion if absent.
+    /// The end: this time, or where the motion of this line ends; the end of all motion if absent.
     pub to: Option<Bound>,
 }
 
@@ -117,7 +117,7 @@ struct Lines(VecDeque<PlannedLine>);
 #[derive(Debug)]
 struct PlannedLine {
     line: u32,
-    /// Its moves whose end is planned, less those that have ended.
+    /// Moves whose end is planned, less those that have ended.
     open: i32,
 }
 

@@ -7,7 +7,7 @@ use crate::limit_shares::Phase;
 pub struct Piece {
     /// Number of its line.
     pub line: u32,
-    /// Its start, machine coordinates, mm.
+    /// The piece's start, machine coordinates, mm.
     pub start_mm: [f64; 3],
     /// Displacement of X, Y, Z and the filament, mm.
     pub displacement_mm: [f64; 4],
@@ -15,7 +15,7 @@ pub struct Piece {
     pub feed_mm_per_s: f64,
     /// True for the last piece of a move of its line.
     pub ends_move: bool,
-    /// Its phases one after the other. Speeds are those of the path, or of the filament where
+    /// The phases one after the other. Speeds are those of the path, or of the filament where
     /// only that moves.
     pub phases: [Phase; 3],
 }

@@ -18,7 +18,7 @@ pub const KINDS: &str = "nozzle-HOW, bed-HOW, chamber-HOW or nozzle1-HOW with HO
 pub struct Fault {
     /// The fault.
     pub kind: FaultKind,
-    /// Its time, in virtual time since the printer was switched on.
+    /// The fault's time, in virtual time since the printer was switched on.
     pub at: Duration,
 }
 

@@ -29,7 +29,7 @@ pub struct Hosts {
 
 /// The page's end of the line.
 pub struct PageLine {
-    /// Its bytes.
+    /// The line itself.
     pub line: Line,
     /// Owner of the printer.
     pub ownership: Arc<Ownership>,

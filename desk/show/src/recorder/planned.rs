@@ -9,7 +9,7 @@ use crate::path::{Place, motion, node};
 /// A part of a move in which the speed changes evenly.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Phase {
-    /// Its time, s.
+    /// Duration of the phase, s.
     pub seconds: f64,
     /// Speeds at its start and its end, mm/s: of the path, or of the filament where only
     /// that moves.
@@ -23,13 +23,13 @@ pub struct Phase {
 pub struct ExecutedMove {
     /// Number of its line.
     pub line: u32,
-    /// Its start, machine coordinates, mm.
+    /// Start of the move, machine coordinates, mm.
     pub start_mm: [f64; 3],
     /// Displacement of X, Y, Z and the filament, mm.
     pub displacement_mm: [f64; 4],
     /// The speed that its line asks for, mm/s.
     pub feed_mm_per_s: f64,
-    /// Its phases one after the other.
+    /// Phases of the move, one after the other.
     pub phases: [Phase; 3],
 }
 

@@ -42,7 +42,7 @@ pub(crate) struct Place<T: Part> {
     pub extruder_steps: i64,
     /// Skew of its axes.
     pub skew: Skew,
-    /// Its tools, of several.
+    /// The tools, of several.
     pub tools: T::Of<ToolBox>,
 }
 

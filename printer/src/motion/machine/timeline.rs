@@ -17,7 +17,7 @@ struct Mark {
     queued: u32,
     /// Filament pushed up to its beginning.
     pushed_before: Pushed,
-    /// Its end.
+    /// Tick of the interval's end.
     tick: u64,
 }
 

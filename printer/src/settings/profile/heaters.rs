@@ -38,7 +38,7 @@ impl HeaterWatch {
 /// Range and control of a heater; temperatures in degrees Celsius, powers from 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeaterSettings {
-    /// Its thermistor.
+    /// Thermistor of the heater.
     pub thermistor: Thermistor,
     /// Below this all heaters are switched off.
     pub min_celsius: f32,

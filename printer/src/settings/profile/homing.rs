@@ -129,9 +129,9 @@ pub struct MeshSettings {
 /// A levelling screw of the bed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BedScrew {
-    /// Its usual name.
+    /// Usual name of the screw.
     pub name: &'static str,
-    /// Its place: X and Y in machine coordinates, units of 10 nm, within reach of the probe.
+    /// Place of the screw: X and Y in machine coordinates, 10 nm, within reach of the probe.
     pub place_10nm: [i64; 2],
 }
 

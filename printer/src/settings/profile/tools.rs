@@ -39,7 +39,7 @@ pub struct FurtherTool {
     pub advance: PressureAdvance,
     /// Settings of its motor's driver; `None` for a driver that cannot be set.
     pub driver: Option<DriverSettings>,
-    /// Its own heater; `None`: it shares T0's nozzle.
+    /// The tool's own heater; `None`: it shares T0's nozzle.
     pub heater: Option<ToolHeater>,
     /// The index of the fan's output that M106 without P means while it is selected; `None`: the
     /// part-cooling fan's.

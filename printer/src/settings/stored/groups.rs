@@ -21,7 +21,7 @@ use crate::settings::profile::homing::SafeHoming;
 
 /// A setting: one value, or one for each of its letters.
 pub(crate) struct Setting<M: Parts> {
-    /// Its key in a profile, with `*` for the axis. A memory knows it by this name.
+    /// The setting's key in a profile, with `*` for the axis. A memory knows it by this name.
     pub name: &'static str,
     /// The words of its values.
     pub letters: &'static str,
@@ -29,7 +29,7 @@ pub(crate) struct Setting<M: Parts> {
     pub range: [f64; 2],
     /// Factor from the profile's unit to the command's.
     pub scale: f64,
-    /// Its value number `index`, where this machine has it.
+    /// Returns value number `index` of the setting, where this machine has it.
     pub place: fn(&mut Values<M>, usize) -> Option<Place<'_>>,
 }
 

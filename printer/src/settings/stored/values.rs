@@ -39,7 +39,7 @@ pub(crate) struct ToolValues {
     pub extruder_steps_per_mm: f64,
     /// M218.
     pub offset_10nm: [i64; 3],
-    /// Its pressure advance, as in [`Values::advance`].
+    /// The tool's pressure advance, as in [`Values::advance`].
     pub advance: [Option<f64>; 4],
     /// Gains of its nozzle's own heater.
     pub gains: Option<PidGains>,
@@ -212,7 +212,7 @@ fn kind_of(number: u32) -> Option<ShaperKind> {
 }
 
 impl Place<'_> {
-    /// Its value; NaN for an optional one that is absent.
+    /// The present value; NaN for an optional one that is absent.
     pub fn get(&self) -> f64 {
         match self {
             Self::Number(value) => **value,

@@ -83,11 +83,11 @@ impl std::fmt::Display for Difference {
 pub struct Late {
     /// Index of the event.
     pub index: usize,
-    /// Its instant on the pins, ns.
+    /// Instant of the event on the pins, ns.
     pub at_ns: u64,
     /// Source line of its move.
     pub line: u32,
-    /// Its latency, ns.
+    /// Latency of the event, ns.
     pub latency_ns: u64,
 }
 

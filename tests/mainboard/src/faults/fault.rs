@@ -57,7 +57,7 @@ pub enum ThermistorFault {
 /// The fault of a motor's driver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DriverFault {
-    /// Its own supply fails for some ms, so it loses its registers.
+    /// The driver's own supply fails for some ms, so it loses its registers.
     Resets,
     /// Too hot: it switches its motor off.
     Hot,

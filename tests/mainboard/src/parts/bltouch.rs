@@ -54,7 +54,7 @@ const PERIOD_NS: std::ops::RangeInclusive<u64> = 18 * MS..=22 * MS;
 
 /// The pin goes out, or in, in this time.
 const MOVE_NS: u64 = 250 * MS;
-/// Its signal when it is touched.
+/// Duration of the signal when the pin is touched.
 const SIGNAL_NS: u64 = 10 * MS;
 /// Time after which the pin drops again without a command to go in.
 const DROP_NS: u64 = 100 * MS;

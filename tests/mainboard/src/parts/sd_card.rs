@@ -136,7 +136,7 @@ pub enum Answer {
 /// A block from the card.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Sent {
-    /// Its bytes.
+    /// Bytes of the block.
     pub bytes: Vec<u8>,
     /// The CRC fits.
     pub is_sound: bool,
@@ -157,9 +157,9 @@ pub enum Status {
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Reading {
     block: u32,
-    /// Its start bit, ns; `None`: never.
+    /// Start bit of the block, ns; `None`: never.
     starts_ns: Option<u64>,
-    /// Its end, once it has begun, ns.
+    /// End of the block, once it has begun, ns.
     ends_ns: Option<u64>,
 }
 

@@ -79,7 +79,7 @@ pub struct Eeprom {
     pub scl: Pin,
     /// Data.
     pub sda: Pin,
-    /// Its address, 7 bits.
+    /// The EEPROM's address, 7 bits.
     pub address: u8,
 }
 

@@ -41,7 +41,7 @@ pub struct Printer {
     pub power_supply: Option<PowerSupply>,
     /// The probe has a pin that a servo's signal moves.
     pub has_bltouch: bool,
-    /// Its filament sensor sees filament move.
+    /// The filament sensor sees filament move.
     pub sees_filament_move: bool,
 }
 

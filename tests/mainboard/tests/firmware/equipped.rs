@@ -77,7 +77,7 @@ pub fn octopus() -> &'static BoardFacts {
     BOARDS.iter().find(|board| board.name == "btt-octopus-1.1").unwrap()
 }
 
-/// Its image, which is built once.
+/// Image of the equipped board, which is built once.
 pub fn equipped() -> &'static Variant {
     static BUILT: OnceLock<Variant> = OnceLock::new();
     BUILT.get_or_init(|| {

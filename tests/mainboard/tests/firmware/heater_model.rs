@@ -23,7 +23,7 @@ const PLA_J_PER_K_MM: f64 = 0.0054;
 /// Play of Z, of which `backlash.rs` has the test: X and Y share their motors.
 const PLAY: &str = "\n[backlash]\nplay_mm = { x = 0, y = 0, z = 0.1 }\n";
 
-/// Its image, which is built once.
+/// Image with the model, which is built once.
 pub fn with_model() -> &'static Variant {
     static BUILT: OnceLock<Variant> = OnceLock::new();
     BUILT.get_or_init(|| {

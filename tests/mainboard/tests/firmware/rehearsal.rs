@@ -15,7 +15,7 @@ pub struct Rehearsal {
     /// Counts and digests.
     pub figures: Figures,
     events: Vec<PinEvent>,
-    /// Its time, ticks.
+    /// Tick of each event.
     ticks: Vec<u64>,
     /// Number of the source line of each event; 0 = homing.
     lines: Vec<u32>,

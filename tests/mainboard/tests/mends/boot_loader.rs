@@ -25,7 +25,7 @@ const RCC_CFGR: u64 = 0x4002_3808;
 struct Behaviour {
     /// It executed all commands, in time.
     ended: bool,
-    /// Its messages, without temperatures.
+    /// Messages of the image, without temperatures.
     lines: Vec<String>,
     /// The nozzle's temperature is right.
     reads_temperatures: bool,

@@ -11,7 +11,7 @@ use super::scene::{MS, S, Scenario, Setting, Stage, run_scenario};
 /// The failure of a printer at work with a hot nozzle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Event {
-    /// Its thermistor breaks.
+    /// The thermistor breaks.
     OpenThermistor,
     /// The core hangs, and the watchdog resets it.
     Reset,

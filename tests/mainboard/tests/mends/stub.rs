@@ -5,12 +5,12 @@ use std::path::Path;
 
 use rigless::image::Image;
 
-/// Its address: after the largest image, aligned for a vector table.
+/// Address of the stub: after the largest image, aligned for a vector table.
 pub const BASE: u32 = 0x080C_0000;
 /// Entries of its vector table: the stack pointer, then addresses of instructions,
 /// for 82 interrupts.
 const VECTORS: u32 = 16 + 82;
-/// Its own stack; the image's stack is elsewhere.
+/// Stack of the stub; the image's stack is elsewhere.
 const STACK: u32 = 0x2001_0000;
 
 /// For each record of the table after it (address, value, mask): a store if the mask is 0, else a

@@ -111,7 +111,7 @@ pub struct ReferenceProfile {
     pub corner_velocity_mm_per_s: [f64; 4],
     /// The soft limits' far ends, mm.
     pub size_mm: [f64; 3],
-    /// Their near ends, mm.
+    /// Near ends of the axes, mm.
     pub lower_end_mm: [f64; 3],
     /// Position of each axis when its sensor has triggered, mm.
     pub home_mm: [f64; 3],

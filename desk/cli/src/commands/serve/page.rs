@@ -102,7 +102,7 @@ impl VirtualPage {
         Ok((Self { host, server, has_key, driver, ends: Arc::clone(ends) }, page_line))
     }
 
-    /// Its address.
+    /// Address of the page.
     pub fn address(&self) -> String {
         self.server.as_ref().map_or_else(String::new, |server| server.address().to_string())
     }

@@ -43,7 +43,7 @@ pub enum Answer {
     Data {
         /// DATA1 rather than DATA0.
         toggle: bool,
-        /// Its bytes.
+        /// Bytes of the packet.
         bytes: Vec<u8>,
     },
     /// No answer: the host's turnaround timer runs out.

@@ -6,9 +6,9 @@ use crate::parts::random::Random;
 /// The sheet: a plane over a rectangle, in mm.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct SheetConfig {
-    /// Its edges in X, low and high.
+    /// Edges of the sheet in X, low and high.
     pub x_mm: (f64, f64),
-    /// Its edges in Y, low and high.
+    /// Edges of the sheet in Y, low and high.
     pub y_mm: (f64, f64),
     /// Z of the nozzle when it touches the sheet's plane at X0 Y0.
     pub height_mm: f64,
@@ -150,7 +150,7 @@ impl Probe {
         self.level() != before
     }
 
-    /// Its offset from the nozzle in X and Y, in mm.
+    /// The probe's offset from the nozzle in X and Y, in mm.
     pub fn offset_mm(&self) -> (f64, f64) {
         self.config.offset_mm
     }

@@ -57,7 +57,7 @@ pub struct Reply {
     pub start_ns: u64,
     /// The length of a bit: the requester's.
     pub bit_ns: u64,
-    /// Its bytes, checksum included.
+    /// The reply's bytes, checksum included.
     pub bytes: [u8; 8],
 }
 
