@@ -9,7 +9,7 @@ use crate::wiring::BUTTON;
 pub struct Button(ButtonWatch);
 
 impl Button {
-    /// It is not pressed.
+    /// The button at the start: not pressed.
     pub const fn new() -> Self {
         Self(ButtonWatch::new())
     }

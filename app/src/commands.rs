@@ -124,7 +124,7 @@ where
             let Some((host, line)) = heard else { continue };
             host.answer(&mut printer, line).await;
             if black_box.take_wanted() {
-                // A halted machine stands already.
+                // A halted machine does not move.
                 let _ = printer.finish().await;
                 black_box.send_to(&replies).await;
             }

@@ -293,7 +293,7 @@ impl Reader {
     }
 }
 
-/// Who receives a line.
+/// Receiver of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum To {
     /// The host whose command it answers.

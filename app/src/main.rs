@@ -142,7 +142,7 @@ mod app {
     static FANS: SharedDemand = SharedDemand::new();
     /// Signs of life of the tasks.
     static LIFE: LifeSigns = LifeSigns::new();
-    /// There is a slot for a memory card, and a clock for it.
+    /// True if the board has a slot for a memory card, and a clock for it.
     static HAS_CARD: AtomicBool = AtomicBool::new(false);
     /// The machine has been halted; the reports task informs the hosts.
     static HALTED: Signal<()> = Signal::new();

@@ -14,7 +14,7 @@ pub struct Has<const YES: bool>;
 
 /// See [`Has`].
 pub trait Kind {
-    /// That part.
+    /// The part itself.
     type Part: Part;
     /// The part that takes up play.
     type Backlash: BacklashCorrection;

@@ -278,7 +278,7 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
         self.to.set(To::Host(port));
     }
 
-    /// Who receives replies now.
+    /// Returns the host that receives replies now.
     #[cfg(accelerometer)]
     pub fn to(&self) -> To {
         self.to.get()

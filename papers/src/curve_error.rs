@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-/// Least and greatest of the numbers, zero aside, that curves are made of: beyond, squares and
+/// Minimum and maximum of the numbers, zero aside, that curves are made of: beyond, squares and
 /// quotients of them would overflow.
 pub(crate) const LEAST: f64 = 1e-12;
 pub(crate) const MOST: f64 = 1e12;

@@ -15,7 +15,7 @@ pub enum PlanCase {
     SpeedsUp,
     /// Start and stop are no slower than the run: at the run's frequency throughout.
     AtRun,
-    /// Too short to go from start to stop: at the slower of them throughout.
+    /// A line too short to go from start to stop: at the slower of them throughout.
     TooShort,
 }
 

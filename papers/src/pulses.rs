@@ -138,7 +138,7 @@ impl Pulses {
         self.next
     }
 
-    /// Goes on to the event after it.
+    /// Advances to the event after it.
     pub fn advance(&mut self, times: &mut Times) {
         let Some(mut time) = times.next() else {
             self.next = None;

@@ -25,7 +25,7 @@ pub(crate) struct ExtruderGap {
     pub(crate) free: u32,
     /// An extruder step nearer than this to the master's next one waits for it.
     near: u64,
-    /// Least ticks between events.
+    /// Minimum number of ticks between events.
     pub(crate) least: u32,
     /// Number of the event that an extruder step waits for; out of reach if no step waits.
     pub(crate) joint: usize,

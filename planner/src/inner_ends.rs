@@ -6,7 +6,7 @@ pub const MAX_INNER_ENDS: usize = 7;
 /// Longest block of several moves, units of 10 nm: what an inner end's place can hold.
 pub(crate) const MAX_LENGTH_10NM: u32 = u16::MAX as u32;
 
-/// Most filament that a move pushes in a block that it shares, 1/256 steps: an eighth of
+/// Maximum filament of a move in a block that it shares, 1/256 steps: an eighth of
 /// what an inner end can hold, so that a job that was prepared can be printed with eight
 /// times its flow (M221).
 pub(crate) const MAX_EXTRUDER_256THS: u32 = i16::MAX as u32 / 8;
@@ -63,8 +63,8 @@ impl InnerEnds {
         count: 0,
     };
 
-    /// These ends and one more, in a block that now ends at `block_line` instead of at the added
-    /// end's line; `None` if it does not fit.
+    /// Returns these ends and one more, in a block that now ends at `block_line` instead of at the
+    /// added end's line; `None` if it does not fit.
     pub fn with(&self, added: InnerEnd, block_line: u32) -> Option<Self> {
         let mut ends = *self;
         let step = u8::try_from(block_line.checked_sub(added.line)?).ok()?;

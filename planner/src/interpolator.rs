@@ -52,7 +52,7 @@ struct Rest<P> {
 /// just below 2^64.
 #[derive(Clone, Copy, Debug)]
 pub struct Interpolator<M: MotionMethods = Standard> {
-    /// Least ticks between events.
+    /// Minimum number of ticks between events.
     minimum_interval: u32,
     /// An extruder step nearer than this to the master's next one waits for it.
     near: u64,
@@ -179,7 +179,7 @@ impl<M: MotionMethods> Interpolator<M> {
         (*followers, *masters_events) = ([Follower::NONE; 2], [StepEntry::wait(0); 2]);
     }
 
-    /// Goes on from standstill where another stepper has brought the motors.
+    /// Continues from standstill where another stepper has brought the motors.
     pub(crate) fn resume(&mut self, standing: &Standing) {
         let Standing { clock, last_event, extruder_256ths, directions, .. } = *standing;
         self.reset_to(clock, extruder_256ths, directions);
@@ -312,7 +312,7 @@ impl<M: MotionMethods> Interpolator<M> {
         }
     }
 
-    /// Goes on with the next stretch of the block, if there is one.
+    /// Continues with the next stretch of the block, if any.
     #[inline]
     fn begin_next_stretch(&mut self) {
         if self.rest.is_some() {

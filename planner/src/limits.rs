@@ -79,7 +79,7 @@ pub(crate) struct PathLimits {
 pub(crate) type FeedAndAcceleration = (f32, f32);
 
 impl PathLimits {
-    /// These limits, less what the extruder needs for its advance: largest K, s, and the time over
+    /// Limits less the extruder's share for its advance: largest K, s, and the time over
     /// which it is averaged, s.
     ///
     /// The extruder goes at e' + (K / B) times the difference of e' over B. Half of its speed is

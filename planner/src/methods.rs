@@ -74,7 +74,7 @@ pub trait StepPattern<P>: Copy + Debug {
     /// The next event; `None` after the block's last.
     fn next(&self) -> Option<DueEvent>;
 
-    /// Goes on to the event after it.
+    /// Advances to the event after it.
     fn advance(&mut self);
 }
 

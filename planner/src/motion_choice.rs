@@ -94,7 +94,7 @@ pub struct SCurveTableSettings {
 }
 
 impl SCurveTableSettings {
-    /// Most slices of the table.
+    /// Maximum number of slices of the table.
     pub const MAX_SLICES: u32 = 65_536;
 
     /// Slices of 2/f0 in the ramp from f0 to the highest frequency (Li 2017, eq. 4), a

@@ -28,7 +28,7 @@ pub(crate) struct Closing<'a> {
 pub(crate) struct OpenBlock {
     /// The moves so far as one block.
     block: Block,
-    /// Most step events that it has, the extruder's among them.
+    /// Maximum number of step events of the block, the extruder's among them.
     events: f32,
     /// Bound of the speed at its start.
     corner: Speed,

@@ -8,7 +8,7 @@ use ferrostep_planner::{
 };
 use proptest::prelude::*;
 
-/// More blocks than a path of these tests has.
+/// Capacity above the blocks of any path of these tests.
 const AMPLE: usize = 400;
 
 /// A machine whose processor needs so long for an event and for a move, ticks.

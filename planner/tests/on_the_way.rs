@@ -266,7 +266,7 @@ fn ends(blocks: &[PlannedBlock]) -> BTreeMap<u32, [i64; 4]> {
     ends
 }
 
-/// Filament for a mm of path, and by how much counting in 1/256 steps and 10 nm may
+/// Filament for a mm of path, and the amount by which counting in 1/256 steps and 10 nm may
 /// have changed it.
 struct Ratio {
     mm_per_mm: f64,

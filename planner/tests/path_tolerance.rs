@@ -14,7 +14,7 @@ use ferrostep_random_cases::{Random, share_of};
 use paths::{Case, case, on_the_way};
 use reference::{Filters, Plan, from_line};
 
-/// More or fewer corners.
+/// Variable that sets the number of corners.
 const CORNERS_VARIABLE: &str = "FERROSTEP_CORNERS";
 
 /// The default.

@@ -22,7 +22,7 @@ mod textbook;
 
 use textbook::Ramp;
 
-/// More or fewer random runs.
+/// Variable that sets the number of random runs.
 const RUNS_VARIABLE: &str = "FERROSTEP_RUNS";
 
 /// Random jobs, of which a test run tries its share: 100,000 runs in all.

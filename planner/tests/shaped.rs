@@ -23,7 +23,7 @@ use average::Averaged;
 use case::{Case, case, limits};
 use law::{impulses, laws};
 
-/// More or fewer random plans.
+/// Variable that sets the number of random plans.
 const PLANS_VARIABLE: &str = "FERROSTEP_PLANS";
 
 /// The default, of which a run tries its share.
@@ -146,8 +146,8 @@ fn every_step_is_where_the_filtered_law_has_it() {
     println!("{} plans, {steps} events, the worst step {most:.2} ticks off", plans.len());
 }
 
-/// The largest speed, mm/s, and acceleration, mm/s^2, of a case's extruder, and by how much its
-/// speed jumps at most.
+/// The largest speed, mm/s, and acceleration, mm/s^2, of a case's extruder, and the amount by which
+/// its speed jumps at most.
 fn extruder_extremes(case: &Case) -> [f64; 3] {
     let Some((laws, _)) = laws(case, &case.blocks()) else { return [0.0; 3] };
     let impulses = impulses(case);

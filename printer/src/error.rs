@@ -31,7 +31,7 @@ use crate::motion::fault::{MotionError, MotionFault};
 pub enum CommandError {
     /// A coordinate is beyond 5 m.
     TooFar,
-    /// More filament than one move may push.
+    /// A move pushes more filament than one move may.
     TooMuchFilament,
     /// The feed is below the planner's minimum.
     FeedTooSlow {

@@ -76,9 +76,9 @@ pub fn folders() -> Result<Vec<(PathBuf, String)>, Failure> {
 /// Effect of a failed check: an overflow, an index out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FailedCheck {
-    /// It calls the program's panic handler with a text: for programs that a debugger watches.
+    /// Calls the program's panic handler with a text, for programs that a debugger watches.
     Panics,
-    /// It executes an undefined instruction in place, which the core answers with a hard fault. The
+    /// Executes an undefined instruction in place, which the core answers with a hard fault. The
     /// address tells the place, and the calls and texts of panics would take 23 KB of an image.
     Traps,
 }

@@ -115,7 +115,7 @@ fn opener(text: &str) -> Option<&'static str> {
 }
 
 fn tics(text: &str) -> impl Iterator<Item = String> {
-    // Names and quoted output stand between grave accents.
+    // Names and quoted output are between grave accents.
     let prose: Vec<&str> = text.split('`').step_by(2).collect();
     let found = TICS.iter().filter(move |(tic, _)| prose.iter().any(|part| part.contains(tic)));
     found.map(|(tic, instead)| format!("\"{tic}\": {instead}"))

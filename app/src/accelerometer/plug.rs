@@ -14,8 +14,8 @@ use rtic::Mutex;
 use crate::host_line::{Port, To, Writers};
 use crate::ports::BoardReplies;
 
-/// Most lines that the task sends without a rest, so that the others of its priority have their
-/// turn: a full memory, and both ends of a record.
+/// Maximum number of lines that the task sends without a rest, so that the others of its priority
+/// have their turn: a full memory, and both ends of a record.
 pub const MAX_LINES: u32 = 36;
 
 /// Longest line of a record, bytes.

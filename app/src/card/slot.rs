@@ -49,7 +49,7 @@ pub fn serve(card: &mut Option<BoardCard>, mailbox: &mut impl Mutex<T = BoardMai
     served
 }
 
-/// Most bytes of a host that are read at once.
+/// Maximum number of bytes of a host that are read at once.
 const CHUNK_BYTES: usize = 64;
 
 /// The hosts' lines beside a print from the card.

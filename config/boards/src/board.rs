@@ -215,7 +215,7 @@ pub struct Motor {
 pub enum DriverUart {
     /// A line that only this driver uses (or the chip-select of that socket).
     Pin(Pin),
-    /// This address on the shared line, 0 to 3.
+    /// The driver's address on the shared line, 0 to 3.
     Address(u8),
 }
 

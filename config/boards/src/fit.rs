@@ -26,8 +26,8 @@ impl Driver {
     }
 }
 
-/// Most ports that step and direction signals may be on: an event costs the step interrupt
-/// a store for each.
+/// Maximum number of ports that step and direction signals may be on: an event costs the step
+/// interrupt a store for each.
 const MOST_PORTS: usize = 4;
 
 /// The axes that home.

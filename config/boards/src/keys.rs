@@ -32,8 +32,8 @@ const MAX_NAME: usize = 32;
 /// Longest title, bytes.
 const MAX_TITLE: usize = 60;
 
-/// Most ports that step and direction signals may be on: an event costs the step interrupt
-/// a store for each.
+/// Maximum number of ports that step and direction signals may be on: an event costs the step
+/// interrupt a store for each.
 const MAX_MOTOR_PORTS: usize = 3;
 
 /// The board.

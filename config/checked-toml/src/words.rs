@@ -1,6 +1,6 @@
 //! Keys and their alternatives in words, for refusals and for the book.
 
-/// Least likeness of a suggestion, 0 to 1: one letter in four may differ.
+/// Minimum likeness of a suggestion, 0 to 1: one letter in four may differ.
 const MIN_LIKENESS: f64 = 0.75;
 
 /// A key within a table's path.

@@ -7,13 +7,13 @@ use ferrostep_checked_toml::Section;
 use ferrostep_gcode::{CardCommand, Command, NotExecuted, Outcome, PrintClockCommand, parse};
 use ferrostep_printer::MACRO_LINE;
 
-/// Most bytes of all macros of a machine, which an image has in its flash.
+/// Maximum number of bytes of all macros of a machine, which an image has in its flash.
 const MAX_BYTES: usize = 4096;
 /// Longest name of a macro or of a parameter, bytes.
 const MAX_NAME: usize = 32;
-/// Most macros that are within each other.
+/// Maximum number of macros that are within each other.
 const MAX_DEPTH: usize = 8;
-/// Most lines of a macro, with those of the macros that it calls.
+/// Maximum number of lines of a macro, with those of the macros that it calls.
 const MAX_LINES: usize = 512;
 /// Value of a parameter without a default when its line is read for a trial.
 const TRIAL: &str = "1";

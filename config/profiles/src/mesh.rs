@@ -25,7 +25,7 @@ const DEFAULT_POINTS: [f64; 2] = [4.0, 4.0];
 /// Height at which the correction has faded: a layer's height is no longer visible there,
 /// and the top is far.
 const DEFAULT_FADE_MM: f64 = 10.0;
-/// More than beds are bent, and little enough for a nozzle that presses on a sheet.
+/// Default depth: more than beds are bent, and little enough for a nozzle that presses on a sheet.
 const DEFAULT_DEPTH_MM: f64 = 1.0;
 
 /// Settings for measuring the bed; `None` without a probe, or without a motor that drives Z alone.

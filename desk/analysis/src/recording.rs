@@ -130,7 +130,7 @@ impl<P: Ports> Onlooker<P> for Lines<'_> {
         let is_one_of = |commands: &[&str]| commands.iter().any(|command| command.eq_ignore_ascii_case(code(text)));
         self.state = LineState { layer, feature, height_mm, width_mm, homes: is_one_of(&HOMING), ..self.state };
         self.measures = is_one_of(&MEASURING);
-        // Lines that a macro stands for may heat or not.
+        // The lines of a macro may heat or not.
         let is_macro = code(text).bytes().take(2).all(|byte| byte.is_ascii_alphabetic() || byte == b'_');
         *self.heats.borrow_mut() = (!is_macro).then(|| is_one_of(&HEATING));
         let mut recorder = self.recorder.borrow_mut();

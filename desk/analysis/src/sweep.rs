@@ -61,7 +61,7 @@ pub struct Sweep {
     pub label: String,
     /// The values.
     pub values: Values,
-    /// Also simulates the error on the frame that the profile names.
+    /// True to simulate also the error on the frame that the profile names.
     pub with_error: bool,
     /// The rules by which the job is planned, in place of the profile's.
     pub rules: Option<PlannedBy>,

@@ -12,7 +12,7 @@ use crate::without_commands::Dropped;
 const LARGEST_FACTOR: f64 = 16.0;
 /// Largest difference from the measured time, as a part of it.
 const TOLERANCE: f64 = 2e-4;
-/// Most estimates for a limit.
+/// Maximum number of estimates for a limit.
 const MAX_TRIALS: usize = 24;
 
 /// The limits by name.

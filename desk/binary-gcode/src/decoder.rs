@@ -48,7 +48,7 @@ impl Selection {
 pub enum Progress {
     /// No contents yet: the decoder wants the bytes at its new [`Decoder::position`].
     More,
-    /// This many bytes of a block's contents, at the start of the output. A line of G-code may
+    /// Number of bytes of a block's contents, at the start of the output. A line of G-code may
     /// continue in the next portion.
     Contents(BlockKind, usize),
     /// The file has ended.
@@ -219,7 +219,7 @@ impl Decoder {
         }
     }
 
-    /// There are no more bytes.
+    /// Handles the end of the file.
     fn file_ended(&mut self, output: &mut [u8]) -> Result<Progress, Error> {
         match &self.stage {
             Stage::Failed(error) => Err(*error),

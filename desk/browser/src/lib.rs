@@ -29,10 +29,11 @@ pub use request::Request;
 /// Largest file whose time is also estimated with other limits, bytes: as `ferrostep show` has it.
 const MAX_ASKED_BYTES: u64 = 32 << 20;
 
-/// Least time between two reports of the progress.
+/// Minimum time between two reports of the progress.
 const INTERVAL: Duration = Duration::from_millis(50);
 
-/// Most notices of the machine that are reported; a broken file could cause one a line.
+/// Maximum number of notices of the machine that are reported; a broken file could cause one a
+/// line.
 const MAX_NOTICES: u32 = 20;
 
 /// A report to the page.

@@ -78,7 +78,7 @@ impl Comparison {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "reason", content = "index")]
 pub enum Choice {
-    /// This shaper rounds least of those that leave at most a twentieth: its index.
+    /// Index of the shaper that rounds least of those that leave at most a twentieth.
     RoundsLeast(usize),
     /// No shaper leaves at most a twentieth; this one leaves least: its index.
     LeavesLeast(usize),

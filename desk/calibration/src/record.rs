@@ -67,7 +67,7 @@ pub enum RecordError {
     NoRate,
     /// RepRapFirmware lost samples.
     Overflows(u32),
-    /// There are fewer than two samples.
+    /// The record has fewer than two samples.
     Empty,
 }
 

@@ -38,9 +38,9 @@ pub struct Spectrum {
 /// A record has no such spectrum.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SpectrumError {
-    /// Too few samples a second; the rate, Hz.
+    /// The record has too few samples a second; the rate, Hz.
     Rate(f64),
-    /// Too short; the duration, s.
+    /// The record is too short; the duration, s.
     Duration(f64),
     /// Another axis shakes more.
     OtherAxis {

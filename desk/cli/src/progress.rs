@@ -17,7 +17,7 @@ use crate::terminal::tell;
 /// Length of the bar, characters.
 const LENGTH: usize = 20;
 
-/// Least time between two messages: what changes faster cannot be read.
+/// Minimum time between two messages: what changes faster cannot be read.
 const INTERVAL: Duration = Duration::from_millis(50);
 
 /// Times at which the lines of a file are executed, once a thread beside this one

@@ -1,6 +1,6 @@
 //! Files that a configuration includes.
 
-/// Most included files.
+/// Maximum number of included files.
 pub(crate) const MAX_INCLUDES: usize = 100;
 
 /// A file's name and its text, or why it cannot be read.

@@ -11,7 +11,7 @@ use crate::includes::{Included, MAX_INCLUDES, beside};
 /// The name of the second file of a configuration.
 const SECOND_FILE: &str = "Configuration_adv.h";
 
-/// Stands for a line end that a backslash takes away.
+/// Marks a line end that a backslash takes away.
 const CONTINUED: char = '\u{1a}';
 
 /// Returns true if a file is one of Marlin's configuration: a header, or a text with one of

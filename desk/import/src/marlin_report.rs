@@ -15,7 +15,7 @@ const M503: &str = "M503";
 /// Axes of lists.
 const AXES: [char; 4] = ['X', 'Y', 'Z', 'E'];
 
-/// Stands in a list where the printer has said no number.
+/// Marks the place in a list where the printer has given no number.
 const NOT_SAID: &str = "not_said";
 
 /// Takes in the answers to M115 and M503. They hold over a file's definitions that are there.

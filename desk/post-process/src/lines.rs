@@ -4,7 +4,7 @@ use std::io::{self, BufRead, ErrorKind};
 
 use memchr::memchr2;
 
-/// Maximum number of bytes of a line that are read at once; whatever is replaced stands within
+/// Maximum number of bytes of a line that are read at once; whatever is replaced is within
 /// them.
 const MAX_BYTES: usize = 4096;
 

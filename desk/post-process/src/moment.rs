@@ -17,7 +17,7 @@ impl Moment {
         (self.total_s - self.elapsed_s).max(0.0)
     }
 
-    /// The value of a word of M73 with this number of decimals; `None` for a letter that stands for
+    /// The value of a word of M73 with this number of decimals; `None` for a letter that means
     /// no time, and without a pause that comes.
     ///
     /// P and Q are percent and reach 100 at the end only; R and S are minutes to the end, C and D

@@ -16,7 +16,7 @@ use ferrostep_show::{CommentReader, Mark, Marks, TimeOf};
 use crate::moment::Moment;
 use crate::progress_line;
 
-/// Most pauses that are noted; a broken file could have any number.
+/// Maximum number of pauses that are noted; a broken file could have any number.
 const MAX_PAUSES: usize = 1 << 16;
 
 /// The least time that something other than motion takes, s.

@@ -10,9 +10,9 @@ use std::f64::consts::TAU;
 /// A G2 or G3 in X and Y, with Z and the filament along it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arc {
-    /// From its start to its end: X, Y, Z, the filament, mm.
+    /// Displacement from the start to the end: X, Y, Z, the filament, mm.
     pub displacement_mm: [f64; 4],
-    /// From its start to its centre: I and J, mm.
+    /// Vector from the start to the centre: I and J, mm.
     pub centre_mm: [f64; 2],
     /// True for a G2.
     pub is_clockwise: bool,
@@ -63,7 +63,7 @@ pub enum ArcCut {
     Rrf,
 }
 
-/// Most chords that one arc is cut into; a firmware would be busy with it for hours.
+/// Maximum number of chords that one arc is cut into; a firmware would be busy with it for hours.
 const MAX_CHORDS: f64 = 1e7;
 
 impl Arc {

@@ -25,7 +25,7 @@ use queue::{Candidate, Queue};
 /// `BUFFER_TIME_HIGH`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlushTimes {
-    /// From one look-ahead to the next, s.
+    /// Time from one look-ahead to the next, s.
     pub usual_s: f64,
     /// Before the first one after a stop, s.
     pub after_stop_s: f64,
@@ -110,7 +110,8 @@ impl KlipperSettings {
         positive("flush_times.after_stop_s", self.flush_times.after_stop_s)
     }
 
-    /// Takes a command: M204 S, or the smaller of P and T where both stand, and SET_VELOCITY_LIMIT.
+    /// Takes a command: M204 S, or the smaller of P and T where both are given, and
+    /// SET_VELOCITY_LIMIT.
     ///
     /// Source: *G-Codes*, M204 and SET_VELOCITY_LIMIT. Klipper has no M201, M203, M205 and M566.
     pub fn change(&mut self, change: &Change<'_>) -> Effect {

@@ -25,7 +25,7 @@ impl fmt::Display for SettingError {
 
 impl std::error::Error for SettingError {}
 
-/// Refuses a value that is not above 0. Infinity stands for no limit.
+/// Refuses a value that is not above 0. Infinity means no limit.
 pub(crate) fn positive(name: &str, value: f64) -> Result<(), SettingError> {
     if value > 0.0 { Ok(()) } else { Err(refused(name, value, "more than 0")) }
 }

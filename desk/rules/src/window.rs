@@ -14,13 +14,13 @@ pub(crate) struct Block {
     pub tag: u64,
     pub length_mm: f64,
     pub acceleration: f64,
-    /// The speed that it may have.
+    /// Maximum speed of the block.
     pub nominal: f64,
-    /// At most at its start, by the corner.
+    /// Maximum speed at the start, by the corner.
     pub max_entry: f64,
-    /// At least at its start, whatever the moves before can reach.
+    /// Minimum speed at the start, whatever the moves before can reach.
     pub min_entry: f64,
-    /// At its end while it is the last of the queue.
+    /// Speed at the end while the block is the last of the queue.
     pub last_exit: f64,
     pub entry_limit: Limit,
     pub speed_limit: Limit,

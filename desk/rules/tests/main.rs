@@ -40,7 +40,7 @@ fn displacement() -> impl Strategy<Value = [f64; 4]> {
     ]
 }
 
-/// A print: moves with their speeds; many go on in nearly the direction of the one before.
+/// A print: moves with their speeds; many continue in nearly the direction of the one before.
 fn print(most: usize) -> impl Strategy<Value = Vec<Move>> {
     let speed = prop_oneof![Just(20.0), Just(45.0), Just(80.0), Just(150.0), 1.0f64..400.0];
     proptest::collection::vec((displacement(), speed, any::<bool>(), -0.3f64..0.3), 1..most).prop_map(|lines| {

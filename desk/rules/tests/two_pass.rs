@@ -7,9 +7,9 @@ pub struct Limited {
     pub length: f64,
     pub nominal: f64,
     pub acceleration: f64,
-    /// At most at its start.
+    /// Maximum speed at the start.
     pub corner: f64,
-    /// At its start from rest, and at its end to rest.
+    /// Speed at a start from rest, and at an end to rest.
     pub slowest: f64,
 }
 

@@ -5,7 +5,7 @@ use std::io::{self, ErrorKind, Read};
 /// Bytes read at once, all of which may be executed between two looks at the progress.
 pub(crate) const PORTION_BYTES: usize = 4 * 1024;
 
-/// Most bytes seen ahead.
+/// Maximum number of bytes seen ahead.
 const MAX_AHEAD_BYTES: usize = 1 << 20;
 
 /// A reader with a bounded view of what comes.

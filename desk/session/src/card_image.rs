@@ -64,7 +64,7 @@ fn of_folder(folder: &Path) -> Result<Vec<u8>, String> {
     Ok(image.into_inner())
 }
 
-/// The entries of a folder that go on a card: files and folders that are not hidden, in the
+/// The entries of a folder that are put on a card: files and folders that are not hidden, in the
 /// order of their names.
 fn entries(folder: &Path) -> Result<Vec<(String, PathBuf)>, String> {
     let fail = |error| format!("{}: {error}", folder.display());

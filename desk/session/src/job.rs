@@ -105,7 +105,7 @@ pub trait Onlooker<P: Ports> {
     /// Called with a slicer's mark and the line of its comment, before that line
     /// and those after it.
     fn marked(&mut self, _line: u32, _mark: &Mark) {}
-    /// Called with a remark on a line for which the desk stands in.
+    /// Called with a remark on a line that the desk replaces.
     fn remarked(&mut self, _kind: RemarkKind, _line: u32, _message: &str) {}
     /// Called with the lines after the one that stops the job.
     fn stopped(&mut self, _unread: Unread) {}

@@ -9,7 +9,7 @@ use ferrostep_printer::{Failure, Replies};
 use crate::command_code::code;
 use crate::remarks::{RemarkKind, RemarkList};
 
-/// Most different unknown commands remembered; a broken file could name any number.
+/// Maximum number of unknown commands remembered; a broken file could name any number.
 const MAX_UNKNOWN_COMMANDS: usize = 100;
 
 /// Replies of a job from a file: lines for a person, and entries of the summary.

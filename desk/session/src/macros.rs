@@ -35,7 +35,7 @@ static AS_ON_A_BOARD: AtomicBool = AtomicBool::new(false);
 pub enum Macros {
     /// The desk stands in for them.
     Assumed,
-    /// They are handed to the printer, which refuses them or gives them no effect.
+    /// The commands are handed to the printer, which refuses or ignores them.
     AsOnABoard,
 }
 

@@ -17,7 +17,7 @@ use tempfile::{Builder, NamedTempFile};
 pub enum Accepted {
     /// A regular file, existing or new.
     File,
-    /// Also a pipe or a character device: this output is written from beginning to end
+    /// A file, a pipe or a character device: this output is written from beginning to end
     /// without seeking.
     FileOrStream,
 }

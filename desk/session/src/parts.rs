@@ -18,7 +18,7 @@ use crate::job::Onlooker;
 use crate::macros::value_of;
 use crate::watch::is_pause;
 
-/// Most parts of a kind that are listed; a broken file could have any number. Further
+/// Maximum number of parts of a kind that are listed; a broken file could have any number. Further
 /// ones are left out.
 const MAX_PARTS: usize = 100_000;
 

@@ -8,7 +8,7 @@ use std::fmt;
 use ferrostep_host::printable::one_line;
 use serde::Serialize;
 
-/// Most different remarks kept; a broken file could cause any number.
+/// Maximum number of different remarks kept; a broken file could cause any number.
 const MAX_REMARKS: usize = 100;
 /// Maximum number of lines that a remark names.
 const MAX_LINES: usize = 5;
@@ -37,7 +37,7 @@ pub enum RemarkKind {
     NotHomed,
     /// A line at which the printer waits for a person, or is asked to.
     Pause,
-    /// More filament in a time than the nozzle melts.
+    /// A flow of filament above the nozzle's melting rate.
     Flow,
     /// A heater that is still on at the end.
     HeaterOn,

@@ -59,7 +59,7 @@ impl From<&JobError> for Stop {
 pub struct Motors {
     /// Steps issued, both directions.
     pub motor_steps: PerAxis<u64>,
-    /// Most events in any millisecond, times 1000.
+    /// Maximum number of events in any millisecond, times 1000.
     pub max_event_rate_hz: u64,
     /// Times the step queue was empty at non-zero speed.
     pub underruns: u64,
@@ -148,7 +148,7 @@ impl From<&Figures> for Motors {
     }
 }
 
-/// Least time of a limit that is listed for a person, s.
+/// Minimum time of a limit that is listed for a person, s.
 const LEAST_SHARE_S: f64 = 0.05;
 
 /// A number of things: "1 move", "2 moves".

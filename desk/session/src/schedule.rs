@@ -14,7 +14,7 @@ use crate::job_replies::JobReplies;
 use crate::macros::Macros;
 use crate::session::Session;
 
-/// Least time between two lines that are noted, s.
+/// Minimum time between two lines that are noted, s.
 const STEP_S: f64 = 0.5;
 
 /// Maximum number of lines that are noted: only every second of them is kept of a longer job, and
@@ -28,7 +28,7 @@ pub struct Schedule {
     points: Vec<(u32, f64)>,
     /// The newest time, which need not be among the points.
     last: Option<(u32, f64)>,
-    /// Least time between two points, s.
+    /// Minimum time between two points, s.
     step_s: f64,
     /// Time of the whole job, s.
     total_s: f64,

@@ -93,7 +93,8 @@ impl Commanded {
         found.off_mm
     }
 
-    /// The nearest place within these distances behind and ahead of the nozzle's expected place.
+    /// Returns the nearest place within these distances before and after the nozzle's expected
+    /// place.
     fn nearest(&self, place_mm: [f64; 3], step_mm: f64, [back_mm, ahead_mm]: [f64; 2]) -> Option<Near> {
         let expected_mm = self.along_mm + step_mm;
         let (low_mm, high_mm) = (self.along_mm - back_mm, expected_mm + step_mm + ahead_mm);

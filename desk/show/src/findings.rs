@@ -8,9 +8,9 @@ use crate::totals::{Extreme, Totals};
 /// Minimum wait that is reported, s.
 const LEAST_WAIT_S: f64 = 0.5;
 
-/// Most commands without effect that are named.
+/// Maximum number of commands without effect that are named.
 const MAX_COMMANDS: usize = 12;
-/// Least time of slowed moves that a person may want to act on, s.
+/// Minimum time of slowed moves that a person may want to act on, s.
 const LEAST_SLOWED_S: f64 = 0.05;
 
 /// A remark about the print, with the place that it is about.

@@ -34,7 +34,7 @@ impl Motor {
         self.position
     }
 
-    /// Stands somewhere else from now on.
+    /// Sets another position from now on.
     pub fn set_position(&mut self, position: i64) {
         self.crossings.clear();
         (self.position, self.start) = (position, position);

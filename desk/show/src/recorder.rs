@@ -201,7 +201,7 @@ impl Recorder {
         self.stand(place);
     }
 
-    /// The machine stands at a place that homing has given it.
+    /// The machine is at a place that homing has given it.
     fn stand(&mut self, place: Place) {
         self.begin(place);
         let node = Node {

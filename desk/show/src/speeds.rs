@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 
 use crate::path::Place;
 
-/// Most samples to either side over which a speed is measured.
+/// Maximum number of samples to either side over which a speed is measured.
 const MAX_REACH: usize = 64;
 /// Part of a motor's step by which the path between two samples may be wrong: a motor of which a
 /// curve asks for few steps makes them early or late.

@@ -1,4 +1,4 @@
-//! Times that slicers leave in comments: of which part of the print each is, where it stands, and
+//! Times that slicers leave in comments: of which part of the print each is, where it is, and
 //! how it is written.
 //!
 //! The only place that knows them: those who compare with a slicer's time and those who write
@@ -84,7 +84,7 @@ enum Form {
     Number(usize),
     /// `1d 2h 3m 4s` without the leading units that are 0.
     AsNeeded,
-    /// These units, the last with this number of decimals.
+    /// Units, the last with this number of decimals.
     Units(Vec<Unit>, usize),
 }
 

@@ -62,7 +62,7 @@ pub struct Totals {
     pub slowed_s: f64,
     /// Greatest distance of printing from the path that the lines ask for, mm.
     pub greatest_deviation: Extreme,
-    /// Most retractions in one layer, and the layer, from 0.
+    /// Maximum number of retractions in one layer, and the layer, from 0.
     pub most_retractions: (u64, u32),
     /// Time at which the part begins, after a line that primes the nozzle, s.
     pub part_start_s: f64,

@@ -150,7 +150,7 @@ impl Shaper {
         &self.impulses
     }
 
-    /// Mean delay, s: by how much constant speed comes late.
+    /// Mean delay, s: the lag at constant speed.
     pub fn centroid_s(&self) -> f64 {
         self.impulses.iter().map(|one| one.weight * one.delay_s).sum()
     }

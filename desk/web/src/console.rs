@@ -18,7 +18,7 @@ pub enum Speaker {
     Person,
     /// The printer.
     Printer,
-    /// This program.
+    /// This program itself.
     Host,
 }
 

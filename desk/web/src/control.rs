@@ -34,7 +34,7 @@ pub enum Axis {
 pub enum Control {
     /// Homes all axes.
     Home {},
-    /// Moves an axis from where it stands.
+    /// Moves an axis from its present position.
     Jog {
         /// The axis.
         axis: Axis,

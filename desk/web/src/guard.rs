@@ -1,4 +1,4 @@
-//! Who may speak to the printer: the token, the slicers' key, and the names by which the
+//! Access to the printer: the token, the slicers' key, and the names by which the
 //! server is called.
 
 use std::fmt;

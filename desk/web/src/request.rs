@@ -8,7 +8,7 @@ use crate::deadline::is_slow;
 /// Longest head.
 const MAX_HEAD_BYTES: usize = 8 * 1024;
 
-/// Most header lines.
+/// Maximum number of header lines.
 const MAX_HEADERS: usize = 48;
 
 /// A request's head, and what of its body came with it.

@@ -16,7 +16,7 @@ use crate::routes::Room;
 /// Longest time for what a refused client still sends, so that it can read why.
 const DRAIN: Duration = Duration::from_secs(1);
 
-/// Most bytes read of that.
+/// Maximum number of bytes read of it.
 const MAX_DRAINED_BYTES: u64 = 1024 * 1024;
 
 /// A pause after the system could not accept a connection: out of files, for one.
@@ -25,7 +25,7 @@ const RECOVERY: Duration = Duration::from_millis(50);
 /// The server's limits.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Most connections at once; more are closed.
+    /// Maximum number of connections at once; more are closed.
     pub connections: usize,
     /// Largest upload.
     pub upload_bytes: u64,

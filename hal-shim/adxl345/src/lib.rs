@@ -54,7 +54,7 @@ const FIFO_STATUS: u8 = 0x39;
 const ENTRIES: u8 = 0x3f;
 const MAX_ENTRIES: u8 = 33;
 
-/// Most bits of a sample that are 1024 units for the whole range.
+/// Maximum number of bits of a sample that are 1024 units for the whole range.
 const COARSE_BITS: u8 = 10;
 
 /// The chip, all three axes to +-16 g.

@@ -11,8 +11,8 @@ use super::player::{MIN_GAP_TICKS, StepPlayer, Stepping};
 use super::slot::{Head, MAX_EVENTS, Numbering};
 use super::{IDLE_TICKS, StepLink};
 
-/// Most slots that one entry takes, unless it has more events than a slot: a direction change, the
-/// first step after it, the others.
+/// Maximum number of slots that one entry takes, unless it has more events than a slot: a direction
+/// change, the first step after it, the others.
 pub const MAX_SLOTS_AN_ENTRY: usize = 3;
 
 /// Slots of the ring that no entry takes: one for [`StepFeeder::seal`], and those of the slot in

@@ -107,7 +107,7 @@ impl<const PORTS: usize> PinMap<PORTS> {
         Some(self)
     }
 
-    /// The same pins without this step signal, for a motor that stands still while the others
+    /// The same pins without this step signal, for a motor that is at rest while the others
     /// of its axis move.
     pub const fn without_steps(mut self, pin: Pin) -> Self {
         let mut axes = 0;

@@ -2,7 +2,7 @@
 
 use super::shared_word::{WordI32, WordU32};
 
-/// Most events in one slot; events are numbered modulo one more.
+/// Maximum number of events in one slot; events are numbered modulo one more.
 pub const MAX_EVENTS: u16 = 0x7fff;
 
 /// Events that are followed by one interval. The slot's head doubles as its full flag: the producer

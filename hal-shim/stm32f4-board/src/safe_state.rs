@@ -9,7 +9,8 @@ use crate::pac::USART1;
 use crate::volatile::Volatile;
 use crate::{board, servo, supervision};
 
-/// Most looks at the transmitter for one byte: more than a byte takes at 9600 baud and 168 MHz.
+/// Maximum number of looks at the transmitter for one byte: more than a byte takes at 9600 baud and
+/// 168 MHz.
 const MAX_LOOKS: u32 = 200_000;
 
 /// Cycles between two feedings of the watchdog in the safe state where no pulse takes as long: 20

@@ -4,8 +4,8 @@ use crate::handlers::complete_stores;
 use crate::pac::{RCC, USART1};
 use fugit::HertzU32 as Hertz;
 
-/// Most bytes handed to the transmitter in one interrupt. A real one takes two; QEMU's would
-/// take all there are.
+/// Maximum number of bytes handed to the transmitter in one interrupt. A real one takes two; QEMU's
+/// would take all there are.
 const BYTES_AT_ONCE: usize = 16;
 
 /// State of the transmitter after a call.
@@ -15,7 +15,7 @@ pub enum Transmit {
     Done,
     /// The transmitter asks again by its interrupt.
     Waits,
-    /// It would take more at once: call again soon.
+    /// The transmitter would take more at once: call again soon.
     Again,
 }
 

@@ -57,8 +57,8 @@ const PRFTEN: u32 = 1 << 8;
 const CACHES_ON: u32 = 1 << 9 | 1 << 10;
 const CACHES_EMPTY: u32 = 1 << 11 | 1 << 12;
 
-/// Most looks at a ready flag. A crystal takes 2 ms, a PLL 0.2 ms; a look takes at least four
-/// cycles of 16 MHz, so this waits for 12 ms or longer.
+/// Maximum number of looks at a ready flag. A crystal takes 2 ms, a PLL 0.2 ms; a look takes at
+/// least four cycles of 16 MHz, so this waits for 12 ms or longer.
 const MAX_LOOKS: u32 = 50_000;
 
 /// A divider takes effect within 16 cycles of the AHB (RM0090 7.3.3); a look takes one at least.

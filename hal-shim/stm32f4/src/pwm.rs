@@ -46,7 +46,7 @@ pub struct TimerChannel {
     pub clock_bit: u8,
     /// True on the fast bus (APB2).
     pub is_fast: bool,
-    /// It has a switch for all its outputs (TIM1 and TIM8).
+    /// True if the timer has a switch for all its outputs (TIM1 and TIM8).
     pub has_main_switch: bool,
 }
 

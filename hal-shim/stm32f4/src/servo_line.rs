@@ -107,7 +107,7 @@ impl<R: Registers> ServoLine<R> {
     }
 }
 
-/// Most looks at the timer for a phase: more than its 20 ms take.
+/// Maximum number of looks at the timer for a phase: more than its 20 ms take.
 const MAX_LOOKS: u32 = 2_000_000;
 
 /// Sends one pulse and waits for its end and the pause after it, where no interrupt comes any more.

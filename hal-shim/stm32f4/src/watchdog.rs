@@ -132,7 +132,7 @@ mod tests {
         assert_eq!(registers.stores, [(0x4000_3000, 0xaaaa)]);
     }
 
-    /// It runs even if a debugger had frozen it before: only power-on resets that register.
+    /// The watchdog runs even if a debugger froze it before: only power-on resets that register.
     #[test]
     fn with_heaters_a_halted_core_is_reset() {
         let mut registers = Recorder::default().with(DEBUG_FREEZE, u32::MAX);

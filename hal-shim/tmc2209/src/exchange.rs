@@ -86,7 +86,7 @@ impl Exchange {
         }
     }
 
-    /// Goes on as far as it can; the value that was read (0 for a write) when it has ended.
+    /// Continues as far as it can; the value that was read (0 for a write) when it has ended.
     pub(super) fn poll(
         &mut self,
         uart: &mut impl SingleWireUart,

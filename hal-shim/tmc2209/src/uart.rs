@@ -21,7 +21,7 @@ pub trait SingleWireUart {
     fn receive(&mut self, now_ticks: u32) -> Option<u8>;
 }
 
-/// Most bytes of a datagram.
+/// Maximum number of bytes of a datagram.
 const SENT: usize = 8;
 
 /// Received bytes that are kept: those of a read and its reply, and a margin.

@@ -8,15 +8,15 @@ use ferrostep_hal_shim::card::{Block, BlockCount, BlockDevice, BlockIdx, CardErr
 /// A fault of a card.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CardFault {
-    /// It is pulled out after this many further accesses.
+    /// The card is pulled out after this number of further accesses.
     PulledAfter(u32),
     /// These blocks cannot be read.
     Unreadable(Range<u32>),
     /// These blocks are read with a changed bit, unnoticed.
     Corrupted(Range<u32>),
-    /// This many reads fail, as on a bad contact.
+    /// Number of reads that fail, as on a bad contact.
     FailingReads(u32),
-    /// It cannot be written.
+    /// The card cannot be written.
     Unwritable,
 }
 

@@ -35,7 +35,7 @@ pub struct VirtualDriverLines {
     /// Bytes in a thousand that are garbled.
     garbled_per_mille: u32,
     noise: u32,
-    /// Most bytes of a datagram that are garbled, and how many of the present one are.
+    /// Maximum number of bytes of a datagram that are garbled, and how many of the present one are.
     most_garbled: u32,
     garbled: u32,
     is_held: bool,

@@ -37,7 +37,7 @@ impl EventRate {
         self.most = self.most.max(self.length);
     }
 
-    /// Most events in any millisecond, times 1000.
+    /// Maximum number of events in any millisecond, times 1000.
     pub fn most_hz(&self) -> u64 {
         self.most as u64 * 1000
     }

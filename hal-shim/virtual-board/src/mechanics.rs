@@ -26,7 +26,7 @@ pub enum SensorPlace {
 /// Faults of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SensorFault {
-    /// It works.
+    /// The sensor works.
     Healthy,
     /// Always triggered: a broken wire of a switch that opens, an input without a sensor
     /// and with a pull-up.
@@ -35,7 +35,7 @@ pub enum SensorFault {
     AlwaysOff,
     /// The input has the sensor of another axis.
     WiredTo(usize),
-    /// It comes and goes within 0.1 mm before its place.
+    /// The signal comes and goes within 0.1 mm before the sensor's place.
     Bouncing,
     /// Every other approach ends at a spike anywhere before its end.
     Spiking,
@@ -70,7 +70,7 @@ pub struct Mechanics {
 }
 
 impl Mechanics {
-    /// A machine whose nozzle truly stands at a place within the frame; `seed` sets
+    /// A machine whose nozzle truly is at a place within the frame; `seed` sets
     /// the random choices.
     pub fn new(
         frame_10nm: [[i64; 2]; 3],
@@ -124,7 +124,7 @@ impl Mechanics {
     }
 
     /// The motors move an axis by this, or less: until its input says that the sensor has
-    /// triggered. Returns by how much they have moved, and whether it has.
+    /// triggered. Returns how far they have moved, and whether it has.
     pub fn seek(&mut self, axis: usize, by_10nm: i64) -> (i64, bool) {
         let length = by_10nm.abs();
         let spike = matches!(self.sensors.get(axis), Some(VirtualSensor { fault: SensorFault::Spiking, .. }))

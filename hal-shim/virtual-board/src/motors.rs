@@ -50,7 +50,7 @@ pub struct VirtualMotors {
 }
 
 impl VirtualMotors {
-    /// Motors whose tool head truly stands at `true_position_10nm`, which the
+    /// Motors whose tool head truly is at `true_position_10nm`, which the
     /// printer does not know.
     pub fn new(geometry: Geometry, end_stops: [VirtualEndStop; 3], true_position_10nm: [i64; 3]) -> Self {
         Self {

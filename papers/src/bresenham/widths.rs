@@ -37,7 +37,7 @@ pub struct FromFirstStair<D = Uncounted> {
     fall: i32,
     /// e, after the last stair handed out.
     decision: i32,
-    /// 2n-2, and by how much a stair of that width changes the decision value; none before
+    /// 2n-2, and the change of the decision value by a stair of that width; none before
     /// the first stair.
     least: Option<(u32, i32)>,
     decisions: D,

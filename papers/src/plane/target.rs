@@ -15,7 +15,7 @@ pub enum PlaneError {
     PeriodsReversed,
 }
 
-/// A pulse: by how much X and Y advance, -1, 0 or 1 each, not both 0.
+/// A pulse: the advance of X and Y, -1, 0 or 1 each, not both 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pulse {
     /// Step along X.

@@ -9,7 +9,7 @@ use crate::step_queue::{EXTRUDER, StepEntry};
 use crate::step_times::{EvenSteps, HotRamp};
 use crate::time_units::{FRACTION_BITS, HALF_TICK};
 
-/// Most ticks that the first and the last step of a stair may be off: 0.4 us.
+/// Maximum number of ticks that the first and the last step of a stair may be off: 0.4 us.
 const STAIR_TOLERANCE: u32 = 32;
 
 /// A stair's last step may be due up to this many ticks after where it is.

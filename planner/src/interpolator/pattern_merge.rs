@@ -19,7 +19,7 @@ use crate::stretches::Stretch;
 use crate::time_law::TimeLaw;
 use crate::time_units::{FRACTION_BITS, HALF_TICK};
 
-/// Most entries that an event takes: the directions, and itself.
+/// Maximum number of entries that an event takes: the directions, and itself.
 const MAX_ENTRIES_AN_EVENT: usize = 2;
 
 /// Z's bit.

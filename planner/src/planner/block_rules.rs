@@ -113,7 +113,7 @@ pub(crate) struct Planned {
     pub acceleration: Acceleration,
     pub line: u32,
     pub ends_move: bool,
-    /// Most step events that it has, the extruder's among them.
+    /// Maximum number of step events of the move, the extruder's among them.
     pub events: f32,
     /// Bound of the speed at its start, by the corner there.
     pub corner: Speed,
@@ -310,7 +310,7 @@ impl<M: MotionMethods> BlockRules<M> {
         }
     }
 
-    /// Most step events of a move: of X, Y and Z's motors, and of the extruder with this filament,
+    /// Maximum number of step events of a move: of X, Y, Z and the extruder with this filament,
     /// units of 10 nm. How its steps fall depends on what was pushed before; a plan must not, and
     /// so counts one more than it has filament for.
     #[inline(always)]

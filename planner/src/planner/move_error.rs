@@ -11,7 +11,7 @@ pub enum MoveError {
     NoRoom,
     /// A coordinate is beyond 5 m, or a motor would run more than 2^28 steps.
     TooFar,
-    /// More filament than one move may push.
+    /// The move pushes more filament than one move may.
     TooMuchFilament,
     /// The feed is not a number above zero.
     Feed,

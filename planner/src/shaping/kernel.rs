@@ -62,12 +62,12 @@ impl Kernel {
         self.impulses().last().map_or(0, |last| last.delay_ticks)
     }
 
-    /// Mean delay, ticks: by how much constant speed comes late.
+    /// Mean delay, ticks: the lag at constant speed.
     pub fn centroid_ticks(&self) -> f64 {
         self.impulses().iter().map(|one| one.weight * f64::from(one.delay_ticks)).sum()
     }
 
-    /// Variance of the delays, squared ticks: by how much the kernel spreads what goes through it.
+    /// Variance of the delays, squared ticks: the kernel's spread of a signal.
     pub fn variance(&self) -> f64 {
         let centroid = self.centroid_ticks();
         let from_centroid = |one: &Impulse| f64::from(one.delay_ticks) - centroid;

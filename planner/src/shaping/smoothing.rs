@@ -54,7 +54,7 @@ impl PositionSums {
         }
     }
 
-    /// Goes on to the last cell of the piece that ends by then, `ticks` after the piece's start;
+    /// Advances to the last cell of the piece that ends by then, `ticks` after the piece's start;
     /// returns which that is.
     #[inline]
     pub fn pass_cells(&mut self, anchor: Anchor<'_>, ticks: u64, near: &Reference) -> u32 {
@@ -66,7 +66,7 @@ impl PositionSums {
         anchor.cells
     }
 
-    /// Goes on to the start of the next piece, which begins `ticks` after this one.
+    /// Advances to the start of the next piece, which begins `ticks` after this one.
     #[inline(never)]
     pub fn pass_piece(&mut self, anchor: Anchor<'_>, ticks: u64, near: &Reference) {
         let anchor = Anchor { cells: self.pass_cells(anchor, ticks, near), ..anchor };

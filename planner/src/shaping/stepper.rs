@@ -47,7 +47,7 @@ pub(crate) struct Standing {
 pub(crate) struct ShapedStepper {
     taps: Taps,
     plan: Plan,
-    /// Least ticks between events.
+    /// Minimum number of ticks between events.
     minimum_interval: u32,
     /// The motors have not come to rest at the end of the plan.
     is_in_motion: bool,

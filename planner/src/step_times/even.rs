@@ -19,15 +19,15 @@ pub(crate) struct EvenSteps {
     pub(crate) longest_stair: u32,
 }
 
-/// Most that a stair may be off because its one interval is a whole number of ticks, in time units:
+/// Maximum error of a stair whose one interval is a whole number of ticks, in time units:
 /// 31 ticks, 0.4 us.
 const STAIR_DRIFT: u32 = 31 << FRACTION_BITS;
 
-/// Most steps of a stair: the players' slots hold as many.
+/// Maximum number of steps of a stair: the players' slots hold as many.
 const MAX_STAIR_STEPS: u32 = 1 << 13;
 
-/// Most ticks from a stair's first step to its last, some 25 s: with an interval more, they are
-/// still a 32-bit number.
+/// Maximum number of ticks from a stair's first step to its last, some 25 s: with an interval more,
+/// they are still a 32-bit number.
 const MAX_STAIR_TICKS: u32 = 1 << 31;
 
 impl EvenSteps {

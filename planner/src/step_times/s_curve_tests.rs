@@ -109,8 +109,8 @@ fn random_steps(random: &mut Random, length: f64, fastest: f64) -> Option<MotorS
     Some(MotorSteps::Extruder { whole, first, count })
 }
 
-/// Times of all steps against the exact ones: ticks off at most; and by how much an interval was,
-/// as a share of a tick and a ten-thousandth of it.
+/// Times of all steps against the exact ones: ticks off at most; and the amount by which an
+/// interval was, as a share of a tick and a ten-thousandth of it.
 fn deviations(
     law: &TimeLaw,
     length: f64,

@@ -3,7 +3,7 @@
 use super::bounds::{Ends, SurfaceBounds};
 use crate::kinematics::UNITS_PER_MM;
 
-/// Most points along X and along Y.
+/// Maximum number of points along X and along Y.
 pub const MAX_MESH_POINTS: usize = 15;
 
 /// Points of the largest mesh.
@@ -16,7 +16,8 @@ const UNKNOWN: i16 = i16::MIN;
 /// or a point was measured wrong.
 pub(super) const MAX_SLOPE: f32 = 0.05;
 
-/// Least fade height as a multiple of the greatest height: the nozzle then rises with Z everywhere.
+/// Minimum fade height as a multiple of the greatest height: the nozzle then rises with Z
+/// everywhere.
 const LEAST_FADE: f32 = 4.0;
 
 /// Units of 10 nm in a micrometre.

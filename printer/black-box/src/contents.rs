@@ -24,7 +24,7 @@ pub enum ReadError {
     },
     /// A slot that no step queue has, by its place.
     Slot(u16),
-    /// More slots begun than there are, or more events left than the slot has.
+    /// The record counts more slots than exist, or more events than a slot has.
     Counts,
     /// A name is not text.
     Name,

@@ -16,7 +16,7 @@ use crate::volume::{Manager, Mounted};
 
 /// Name of the file, in the card's first folder. M20 does not list it.
 pub const KEPT_NAME: &str = "FERROSTP.PLR";
-/// Most bytes of a place.
+/// Maximum number of bytes of a place.
 pub const KEPT_BYTES: usize = 371;
 
 /// The place of a print, as the printer writes it; empty without a place.

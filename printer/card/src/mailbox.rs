@@ -72,7 +72,7 @@ pub enum Answer {
     Done,
     /// The mailbox has a page of the list, or the path of long names; whether more pages follow.
     Page {
-        /// More pages follow.
+        /// True if more pages follow.
         more: bool,
     },
 }
@@ -80,7 +80,7 @@ pub enum Answer {
 /// The result of taking bytes of the file that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Taken {
-    /// This many bytes were read.
+    /// Number of bytes that were read.
     Bytes(usize),
     /// The card's task is at work.
     Wait,
@@ -93,7 +93,7 @@ pub enum Taken {
 /// The result of putting bytes to be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Put {
-    /// This many bytes were taken.
+    /// Number of bytes that were taken.
     Bytes(usize),
     /// The card's task is at work.
     Wait,

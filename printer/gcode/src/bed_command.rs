@@ -22,7 +22,7 @@ pub struct BedArea {
 pub enum BedCommand {
     /// G29, G80, BED_MESH_CALIBRATE: measures the mesh, and Z follows it.
     Measure {
-        /// Only this part of the bed.
+        /// Part of the bed to measure; `None`: all of it.
         area: Option<BedArea>,
         /// O: not if Z follows a mesh already.
         unless_on: bool,

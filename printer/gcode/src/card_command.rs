@@ -66,7 +66,7 @@ pub enum CardCommand<'a> {
 /// Treatment of a print that a power cut has interrupted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InterruptedPrint {
-    /// It continues.
+    /// The interrupted print continues.
     Resume,
     /// S: the printer reports it, and how to continue.
     Report,

@@ -143,7 +143,7 @@ pub enum Command<'a> {
         tool: Option<u8>,
         /// L of M701, U of M702.
         length: Option<Decimal>,
-        /// Z: by how much the nozzle rises meanwhile.
+        /// Z: the rise of the nozzle meanwhile.
         rise: Option<Decimal>,
     },
     /// M108: end a wait.
@@ -250,7 +250,7 @@ pub enum Command<'a> {
     Junction {
         /// J, mm.
         deviation: Option<Decimal>,
-        /// X Y Z E ("jerk"): by how much the speed of an axis may differ before and
+        /// X Y Z E ("jerk"): maximum difference of an axis's speed before and
         /// after a corner, mm/s.
         corner_velocity: AxisWords,
     },

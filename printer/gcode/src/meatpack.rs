@@ -81,8 +81,8 @@ pub struct Unpacked {
 }
 
 impl Unpacked {
-    /// Most bytes that one byte gives: a whole character with the half that waited for it,
-    /// then two halves.
+    /// Maximum number of bytes that one byte gives: a whole character with the half that waited for
+    /// it, then two halves.
     pub const MAX_BYTES: usize = 4;
 
     /// The bytes.

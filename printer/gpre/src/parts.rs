@@ -7,9 +7,9 @@ use crate::header::{FIXED_BYTES, Header, HeaderCheck};
 /// The part of the file at the start of the received bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// Too few bytes to read anything.
+    /// The bytes are too few to read anything.
     More,
-    /// This many bytes of the header, which the caller may drop.
+    /// Number of bytes of the header, which the caller may drop.
     Passed(usize),
     /// The last bytes of the header, this many, and what it says. Its checksum is right.
     Header(usize, Header),

@@ -5,7 +5,7 @@ use ferrostep_gcode::{Emergency, EmergencyScanner, Line, LineError, LineReader};
 
 use crate::buffers::Buffers;
 
-/// Stands in the ring of received bytes where a line was broken off. No byte of
+/// Marks the place in the ring of received bytes where a line was broken off. No byte of
 /// UTF-8 has this value.
 pub const BREAK: u8 = 0xff;
 

@@ -18,7 +18,7 @@ const FORMAT: u8 = 1;
 const HEADER_BYTES: usize = 3;
 const VALUE_BYTES: usize = 11;
 
-/// Most values in a record.
+/// Maximum number of values in a record.
 pub const MAX_VALUES: usize = 84;
 
 /// Length of the longest record, bytes.

@@ -30,7 +30,7 @@ const MAX_SILENCE_BEFORE_JOB_S: u16 = 30;
 const PLAIN_LINE: &str = "echo:gpre: a prepared job is being received (M790), lines without a number are ignored until \
                           it ends; M112 ends it at once";
 
-/// Most bytes taken from the line at once.
+/// Maximum number of bytes taken from the line at once.
 const CHUNK_BYTES: usize = 64;
 
 /// The line on which a job comes, with the lines of all hosts.

@@ -257,7 +257,7 @@ pub(crate) enum Until {
 /// Reports of a wait for heat.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum WaitReport<'a> {
-    /// Once a second: the seconds that are left if the temperature stays where it is now.
+    /// Report once a second: the seconds left if the temperature does not change.
     Remaining(Option<u32>),
     /// The heater does not get colder than this: the wait has ended.
     CoolsNoFurther(&'a HeaterStatus),

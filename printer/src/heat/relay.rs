@@ -59,7 +59,7 @@ pub struct RelayFindings {
 /// Progress of a relay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RelayProgress {
-    /// It continues: the number of cycles that have ended, and the lowest and highest temperature
+    /// The tuning continues: number of cycles ended, and the lowest and highest temperature
     /// of the last one.
     Cycles {
         /// Cycles that have ended.
@@ -71,7 +71,7 @@ pub enum RelayProgress {
         /// Highest temperature, degrees Celsius.
         highest_celsius: f32,
     },
-    /// It has ended.
+    /// The tuning has ended.
     Found(RelayFindings),
     /// A half of a cycle has taken more than 20 minutes, of a chamber an hour, or the swing
     /// gives no result.

@@ -13,7 +13,7 @@
 //! | the same, at the target | [`Trip::Runaway`] | the runaway period below the hysteresis |
 //! | transistor failed closed | [`Trip::RisesUnpowered`], or [`Trip::TooHot`] | with the power at 0, a quarter of the watch period and 10 degrees |
 //! | the same, of a heater too weak to rise | [`Trip::StaysHotUnpowered`] | 10 minutes above 80 degrees without power |
-//! | converter stands still, at the target | [`Trip::Frozen`] | the runaway period, once the power has changed by 5 % |
+//! | converter has stopped, at the target | [`Trip::Frozen`] | the runaway period, once the power has changed by 5 % |
 //! | the same, while an autotune heats | [`Trip::Frozen`] | 5 s, of a chamber a minute |
 
 use core::fmt;
@@ -37,7 +37,7 @@ const COOLING_MS: u32 = 600_000;
 
 /// The room's temperature as the hysteresis counts it, degrees Celsius.
 const ROOM_CELSIUS: f32 = 25.0;
-/// Least distance below its target that a heater is allowed, however near the room's
+/// Minimum distance below its target that a heater is allowed, however near the room's
 /// temperature, degrees.
 const LEAST_HYSTERESIS_CELSIUS: f32 = 4.0;
 

@@ -36,14 +36,14 @@ const MEASURING: [f32; 3] = [5.0, 20.0, 60.0];
 /// Progress of a step response.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StepProgress {
-    /// It continues: parts that have ended, and of how many.
+    /// The measurement continues: number of parts ended, and of all.
     Parts {
         /// Parts that have ended.
         ended: u8,
         /// Parts in all.
         of: u8,
     },
-    /// It has ended.
+    /// The measurement has ended.
     Found(HeaterModel),
     /// A part has taken more than 20 minutes, or the found values are not a heater's.
     Failed,
@@ -258,7 +258,7 @@ impl StepResponse {
         self.go_on(if self.has_fan { Phase::FannedSettling } else { Phase::Found });
     }
 
-    /// Goes on with a model that a heater can have.
+    /// Continues with a model that a heater can have.
     fn go_on(&mut self, phase: Phase) {
         self.enter(if self.model.is_possible() { phase } else { Phase::Failed });
     }

@@ -118,7 +118,7 @@ impl<'a> Card<'a> {
         self.selected = None;
     }
 
-    /// This file, which is open, is selected.
+    /// Selects a file, which is open.
     pub(crate) fn select(&mut self, selected: Selected) {
         (self.position, self.seek, self.aborted, self.selected) = (0, None, false, Some(selected));
     }

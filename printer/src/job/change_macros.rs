@@ -32,7 +32,7 @@ pub(crate) enum NextOfChange {
     Line,
     /// The change has ended.
     Ended,
-    /// There was no change.
+    /// No tool has changed.
     NoChange,
 }
 

@@ -7,7 +7,7 @@
 
 use ferrostep_gcode::{ParseError, ShortText};
 
-/// Most characters of a macro's line, its parameters in their places.
+/// Maximum number of characters of a macro's line, its parameters in their places.
 pub const MACRO_LINE: usize = 96;
 
 /// The place of no line.

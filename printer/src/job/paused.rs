@@ -32,7 +32,7 @@ impl PauseReason {
 /// Words of a line for its pause. The profile replaces missing ones.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct PauseWords<'a> {
-    /// X and Y: where the nozzle waits; Z: by how much it rises.
+    /// X and Y: where the nozzle waits; Z: the rise.
     pub(crate) park: AxisWords,
     /// Filament that is drawn out; the sign has no meaning.
     pub(crate) unload: Option<Decimal>,

@@ -5,7 +5,7 @@ use core::fmt::Write as _;
 
 use ferrostep_gcode::{Command, Decimal, Remarks, ShortText, TowerCourse, TowerWords, parse, parse_with_remarks};
 
-/// Most bytes of the command with the name of its parameter.
+/// Maximum number of bytes of the command with the name of its parameter.
 const MAX_PREFIX: usize = 64;
 
 /// The same with the value: at most a sign, ten digits, a point and nine digits.

@@ -16,7 +16,7 @@ pub(crate) struct Identity<'a> {
 }
 
 impl Identity<'_> {
-    /// This version, without a commit, on a board without further data.
+    /// Identity of this version, without a commit, on a board without further data.
     pub const fn new() -> Self {
         Self {
             version: env!("CARGO_PKG_VERSION"),

@@ -232,7 +232,7 @@ impl Profile {
         tool.map_or(FanOutput::Part, FurtherTool::part_fan)
     }
 
-    /// This machine's heaters on the virtual board, cold.
+    /// Returns this machine's heaters on the virtual board, cold.
     pub fn virtual_heaters(&self) -> VirtualHeaters {
         let heated = |settings: &HeaterSettings| (settings.mass, settings.thermistor);
         let chamber = self.chamber.as_ref().map(|chamber| heated(&chamber.settings));

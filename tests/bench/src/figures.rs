@@ -61,7 +61,7 @@ impl fmt::Display for OrNull {
 /// The step interrupt's events inside a stair, and the one that ends a stair and fetches the next.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Events {
-    /// Most events inside a stair.
+    /// Maximum number of events inside a stair.
     pub within: Option<u32>,
     /// The event inside a stair with most to do.
     pub most_within: Option<u32>,

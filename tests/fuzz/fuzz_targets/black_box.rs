@@ -7,7 +7,7 @@ use ferrostep_session::black_box::BlackBoxReport;
 
 use libfuzzer_sys::fuzz_target;
 
-/// More would only take time.
+/// Maximum number of events; more would only take time.
 const MAX_EVENTS: u64 = 20_000;
 
 fuzz_target!(|bytes: &[u8]| {

@@ -163,13 +163,13 @@ pub struct Plant {
     pub bltouch: Option<BlTouch>,
     /// The sensor that sees filament move, on a printer that has one.
     pub filament_encoder: Option<FilamentEncoder>,
-    /// There is filament at the switch beside it.
+    /// True if filament is at the switch beside it.
     pub is_filament_at_switch: bool,
     /// A module says that the supply fails, and feeds the board.
     pub supply_fails: bool,
     /// A person presses the board's button.
     pub is_button_pressed: bool,
-    /// There is a card in the slot: see [`crate::machine::Machine::insert_card`].
+    /// True if a card is in the slot: see [`crate::machine::Machine::insert_card`].
     pub(crate) is_card_inserted: bool,
     /// Heat that the nozzle's filament takes, in joules per kelvin for each millimetre that its
     /// motor pushes; 0: none. A print of PLA of 1.75 mm takes 0.0054.

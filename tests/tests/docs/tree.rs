@@ -9,7 +9,7 @@ const NOT_SOURCES: [&str; 5] = ["target", "artifacts", "corpus", "book", "node_m
 /// Ends of names of files whose words count as code.
 const CODE: [&str; 8] = [".rs", ".toml", ".lock", ".x", ".json", ".py", ".yml", "/run"];
 
-/// This test's own invented pages and trees.
+/// Folder of this test, whose pages and trees are invented.
 const MADE_UP: &str = "tests/tests/docs/";
 
 /// Files and code of the repository.

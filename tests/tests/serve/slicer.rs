@@ -121,7 +121,7 @@ fn without_a_key_this_computer_sends_without_one() {
     assert_eq!(page.state()["job"]["name"], "d.gcode");
 }
 
-/// A folder for temporary files that cannot be written stands for a full disk.
+/// A folder for temporary files that cannot be written models a full disk.
 #[test]
 fn a_file_that_the_disk_does_not_take_is_an_answer() {
     let folder = scratch();

@@ -18,7 +18,7 @@ pub const RETRACTED_MM: f64 = 0.8;
 /// Speed of that retraction, mm/s.
 pub const RETRACTION_MM_PER_S: f64 = 30.0;
 
-/// Such a pattern cannot be printed, or its measurement means nothing.
+/// Reason why a pattern cannot be printed, or its measurement means nothing.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PatternError {
     /// A value: its option, what was given, what is right.

@@ -83,7 +83,7 @@ impl Executed {
         }
     }
 
-    /// The machine stands at another place: what follows is another plan.
+    /// The machine is at another place: the moves after it are another plan.
     fn begin_plan(&mut self) {
         let ended = std::mem::replace(&mut self.plan, PlanBuilder::new(self.filament_mm2));
         self.plans.extend(ended.build());

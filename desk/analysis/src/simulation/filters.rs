@@ -28,7 +28,7 @@ pub struct FilterWords {
     pub shaper_damping: Option<f64>,
     /// `--frequency-x` and `--frequency-y`: the frequencies of the frame, Hz.
     pub frame_hz: [Option<f64>; 2],
-    /// `--detune`: by how much the frame's frequencies are above the filters', per cent.
+    /// `--detune`: excess of the frame's frequencies over the filters', per cent.
     pub detune_percent: Option<f64>,
     /// True if there is a compared plan.
     pub is_compared: bool,

@@ -18,7 +18,7 @@ pub enum ValuesError {
     Number(String),
     /// The range does not rise from a number above 0.
     Range,
-    /// More than 32.
+    /// The values are more than 32.
     TooMany(usize),
 }
 

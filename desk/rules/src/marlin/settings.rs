@@ -37,7 +37,7 @@ pub enum JerkRule {
 pub enum SlowestSpeed {
     /// `MINIMUM_PLANNER_SPEED` of Marlin up to 2.1.2, mm/s.
     Fixed(f64),
-    /// That of a first step from rest, as in the bugfix branch of 2026; 0 where the
+    /// The speed of a first step from rest, as in the bugfix branch of 2026; 0 where the
     /// steps are unknown.
     FirstStep,
 }

@@ -11,7 +11,7 @@ pub struct Figures {
     pub motion_time_s: f64,
     /// Steps issued, both directions.
     pub motor_steps: [u64; 4],
-    /// Most events in any millisecond, times 1000.
+    /// Maximum number of events in any millisecond, times 1000.
     pub max_event_rate_hz: u64,
     /// Times the step queue was empty at non-zero speed.
     pub underruns: u64,

@@ -111,7 +111,7 @@ impl VirtualStepQueue {
         self.extruders.steps(e)
     }
 
-    /// Most events in any millisecond, times 1000.
+    /// Maximum number of events in any millisecond, times 1000.
     pub fn max_event_rate_hz(&self) -> u64 {
         self.watch.rate.most_hz()
     }

@@ -12,7 +12,7 @@ use super::lines::{Mm, as_in, execute_all, feed_word, in_mm};
 use super::offsets::Offsets;
 use super::words::Words;
 
-/// Most names that a file may note; a broken one could have any number.
+/// Maximum number of names that a file may note; a broken one could have any number.
 const MAX_STATES: usize = 100;
 
 /// The name of a state without one.

@@ -10,11 +10,11 @@ use super::lines;
 use super::words::Words;
 use crate::ahead::Ahead;
 
-/// Least value of a word that is a temperature of the nozzle: below are diameters and
+/// Minimum value of a word that is a temperature of the nozzle: below are diameters and
 /// numbers of tools.
 const MIN_NOZZLE_CELSIUS: f64 = 100.0;
 
-/// Least value of a word that is a temperature of the bed or the chamber.
+/// Minimum value of a word that is a temperature of the bed or the chamber.
 const MIN_BED_CELSIUS: f64 = 20.0;
 
 /// Degrees above the lowest temperature for extruding at which a nozzle without a target is

@@ -24,6 +24,6 @@ pub struct Piece {
 pub trait PlanObserver {
     /// A move is executed, after those before it.
     fn ran(&mut self, piece: &Piece);
-    /// The machine stands at another place from a tick of the motion clock on, mm, as after homing.
+    /// The machine is at another place from a tick of the motion clock on, mm, as after homing.
     fn stands(&mut self, tick: u64, position_mm: [f64; 3]);
 }

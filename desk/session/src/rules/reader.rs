@@ -22,7 +22,7 @@ pub struct RulesReader {
     own: PlanReader,
     plan: RefCell<Plan>,
     /// The end of the moves of that plan, which this firmware's planner has not followed; `None`:
-    /// it stands there.
+    /// it is there.
     ahead_10nm: Cell<Option<[i64; 3]>>,
     is_homing: Cell<bool>,
     time: DeskTime,
@@ -48,7 +48,7 @@ impl RulesReader {
         self.with_plan(|plan| plan.observe(observer));
     }
 
-    /// The machine stands at another place.
+    /// The machine is at another place.
     pub(super) fn stands(&self, position_10nm: [i64; 3]) {
         let tick = self.tick();
         self.with_plan(|plan| plan.with_observer(|observer| observer.stands(tick, millimetres(position_10nm))));

@@ -13,7 +13,7 @@ use ferrostep_virtual_board::VirtualClock;
 
 use super::port::HostPort;
 
-/// Most bytes taken from the port at once.
+/// Maximum number of bytes taken from the port at once.
 const CHUNK_BYTES: usize = 64;
 
 /// A job's reader waits for bytes this long at most, as on a board, ms.

@@ -1,4 +1,4 @@
-//! Who owns the served printer's line: the web page or the host outside, one at a time.
+//! Ownership of the served printer's line by the web page or the host outside, one at a time.
 
 use std::sync::atomic::{AtomicU8, Ordering};
 

@@ -11,7 +11,7 @@ pub const HOST_TURN: Duration = Duration::from_millis(1000);
 /// Maximum delay that is caught up. A larger one stays: a host would see a printer that races.
 const CATCH_UP: Duration = Duration::from_millis(100);
 
-/// Least portion of time granted, ns: smaller ones would cost too much.
+/// Minimum portion of time granted, ns: smaller ones would cost too much.
 const PORTION_NS: f64 = 1e6;
 
 /// Portion granted if time may pass without limit, ns.
@@ -23,7 +23,7 @@ const MAX_WAIT: Duration = Duration::from_millis(20);
 /// Speed of virtual time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Speed {
-    /// This many virtual seconds in a second.
+    /// Number of virtual seconds in a second.
     Times(f64),
     /// The maximum that this computer reaches while the printer has something to do;
     /// otherwise real time.
@@ -65,7 +65,7 @@ pub struct Doing {
 /// Next permission for virtual time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Next {
-    /// This much virtual time may pass, ns.
+    /// Virtual time that may pass, ns.
     Pass(u64),
     /// No time may pass; this long at most until that changes.
     Wait(Duration),

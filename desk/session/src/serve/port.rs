@@ -28,7 +28,7 @@ const RECEIVED_AT_ONCE: usize = 1024;
 /// Interval of the looks whether a host is there.
 const LOOK_INTERVAL: Duration = Duration::from_millis(20);
 
-/// Most different unknown commands remembered; a host could send any number.
+/// Maximum number of unknown commands remembered; a host could send any number.
 const MAX_UNKNOWN_COMMANDS: usize = 100;
 
 /// Bytes that a host has not read, above which only replies are sent to it.

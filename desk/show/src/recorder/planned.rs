@@ -76,7 +76,7 @@ impl Recorder {
         self.begin(place);
     }
 
-    /// The machine stands at another place from a tick of the motion clock on, as after homing.
+    /// The machine is at another place from a tick of the motion clock on, as after homing.
     pub fn stands(&mut self, tick: u64, position_mm: [f64; 3]) {
         self.tick = self.tick.max(tick);
         let place = Place { time_s: self.time_s(tick), position_mm, ..self.speeds.last() };

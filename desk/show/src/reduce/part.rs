@@ -1,4 +1,4 @@
-//! A part of the path that may stand for several.
+//! A part of the path that may replace several.
 
 use super::{LAST_TOLERANCE_MM, Tolerance};
 use crate::node::{Kind, Node};

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::fmt;
 
-/// Most impulses: as many as Klipper takes.
+/// Maximum number of impulses, as in Klipper.
 const MAX_IMPULSES: usize = 10;
 
 /// Weights below this are a rounding error of zero; below its negative the shaper has a
@@ -26,7 +26,7 @@ pub struct EvenSpacing {
     periods: f64,
 }
 
-/// Such a shaper does not exist.
+/// Reason why a shaper does not exist.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum EvenSpacingError {
     /// The number of impulses asked for is not 3 to 10.

@@ -10,9 +10,9 @@ use crate::step_queue::StepKind;
 use crate::{AXES, Acceleration, AxisShaper, Move, Planner, PressureAdvance, ShaperKind, Speed, StepsPerMm};
 use proptest::prelude::*;
 
-/// Most ticks by which a step may move when the plan is cut. Both solutions keep within 20 ticks
-/// of the filtered law (`tests/shaped.rs`); a cut adds no error, since a piece begins and ends
-/// where the law is.
+/// Maximum number of ticks by which a step may move when the plan is cut. Both solutions keep
+/// within 20 ticks of the filtered law (`tests/shaped.rs`); a cut adds no error, since a piece
+/// begins and ends where the law is.
 const MOST_TICKS: u64 = 20;
 
 /// ... or by which the motor moves in between, steps. A motor of CoreXY that hardly moves while X

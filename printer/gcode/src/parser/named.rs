@@ -237,7 +237,7 @@ const EXECUTED: [(&str, &str, &str); 25] = [
 const ALIGN_KEYS: &str = "RETRIES, RETRY_TOLERANCE";
 const ALIGN_WORDS: &str = "RETRIES with a number up to 29, RETRY_TOLERANCE with one above 0, or neither";
 
-/// Most retries: one less than the rounds of Marlin's G34.
+/// Maximum number of retries: one less than the rounds of Marlin's G34.
 const MOST_RETRIES: u32 = 29;
 
 /// Reads a line that begins with a name, known or not.

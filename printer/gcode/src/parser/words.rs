@@ -29,7 +29,7 @@ pub(super) struct Words<'a> {
     values: [i64; 26],
 }
 
-/// Stands for a tool that no machine has.
+/// Number for a tool that no machine has.
 const NO_TOOL: u8 = u8::MAX;
 
 /// The bit of an upper-case letter.

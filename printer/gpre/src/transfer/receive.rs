@@ -15,7 +15,7 @@ pub enum Event {
     Other,
     /// The byte belongs to a frame that is not complete yet.
     Nothing,
-    /// This many bytes are new at the start of the room.
+    /// Number of bytes that are new at the start of the room.
     Bytes(usize),
     /// The host should be answered; no byte is new.
     Answer,

@@ -246,7 +246,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Reports the points; returns by how much they differ, units of 10 nm.
+    /// Reports the points; returns their difference, units of 10 nm.
     #[inline(never)]
     fn report_points(&self, alignment: &ZAlignment, heights_10nm: &[i32; ZAlignment::MAX_POINTS]) -> i64 {
         let (mut least_10nm, mut most_10nm) = (i32::MAX, i32::MIN);

@@ -49,7 +49,7 @@ pub(super) enum End {
 
 /// The file's next bytes.
 pub(super) enum Bytes {
-    /// This many bytes.
+    /// Number of bytes of the text.
     Some(usize),
     /// The file has ended.
     End,

@@ -9,7 +9,7 @@ use crate::job::lines::Source;
 use crate::ports::{Motion, Ports, Replies, temperatures};
 use crate::printer::{Answer, Printer};
 
-/// Most bytes taken from the card's task at once.
+/// Maximum number of bytes taken from the card's task at once.
 const CHUNK_BYTES: usize = 64;
 
 impl<P: Ports> Printer<'_, P> {

@@ -38,7 +38,7 @@ impl Fans for AnyBoard {
 /// An event for a control.
 #[derive(Clone, Debug)]
 enum Event {
-    /// This many samples with these readings.
+    /// Readings, and the number of samples with them.
     Samples([u16; Heater::COUNT], u16),
     Target(Heater, f32),
     AllOff,

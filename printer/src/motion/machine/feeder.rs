@@ -38,7 +38,7 @@ pub struct FanChanges {
 }
 
 impl FanChanges {
-    /// These powers, and no changes.
+    /// Powers at the start, without changes.
     const fn new(powers: [u8; FanOutput::COUNT]) -> Self {
         Self { waiting: heapless::Deque::new(), powers }
     }

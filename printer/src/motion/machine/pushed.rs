@@ -57,7 +57,7 @@ impl FilamentCount {
 /// Filament that the extruder has pushed by now. If the two differ, it is pushing new filament.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PushedFilament {
-    /// Least count.
+    /// Minimum count.
     pub at_least: Pushed,
     /// Largest count; some steps of a piece that is drawn back between two looks at the queue's
     /// end may be missing.

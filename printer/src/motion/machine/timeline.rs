@@ -69,8 +69,8 @@ impl Timeline {
         }
     }
 
-    /// Least motion that remains if the queue ends at `end_tick`: from the first mark that has not
-    /// been played to there.
+    /// Minimum motion that remains if the queue ends at `end_tick`: from the first mark that has
+    /// not been played to there.
     pub fn remaining_ticks(&self, end_tick: u64) -> u64 {
         self.marks.front().map_or(0, |mark| end_tick.saturating_sub(mark.tick))
     }

@@ -18,10 +18,10 @@ pub struct HeaterWatch {
     pub watch_ms: u32,
     /// ... by this much, degrees.
     pub watch_celsius: f32,
-    /// Once it has reached its target, for no longer than this, milliseconds ...
+    /// Longest time, once the heater has reached its target, milliseconds ...
     pub runaway_ms: u32,
-    /// ... may the temperature be farther below the target than this, degrees. Near the room's
-    /// temperature less is allowed ([`crate::heat::safety`]).
+    /// ... for which the temperature may be farther below the target than this, degrees. Near the
+    /// room's temperature less is allowed ([`crate::heat::safety`]).
     pub runaway_celsius: f32,
 }
 

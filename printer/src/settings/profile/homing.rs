@@ -57,7 +57,7 @@ impl AxisHoming {
 /// Keeps the nozzle off the bed while a machine homes. Lengths in units of 10 nm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SafeHoming {
-    /// Least height over the bed while X and Y move; a Z that is unknown is raised by this.
+    /// Minimum height over the bed while X and Y move; a Z that is unknown is raised by this.
     pub raise_10nm: i64,
     /// Place of the nozzle (X, Y) while Z homes; `None`: at any place.
     pub home_at_10nm: Option<[i64; 2]>,

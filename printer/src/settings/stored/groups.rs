@@ -25,7 +25,7 @@ pub(crate) struct Setting<M: Parts> {
     pub name: &'static str,
     /// The words of its values.
     pub letters: &'static str,
-    /// Least and most, in the profile's unit; those of the command.
+    /// Minimum and maximum, in the profile's unit; those of the command.
     pub range: [f64; 2],
     /// Factor from the profile's unit to the command's.
     pub scale: f64,

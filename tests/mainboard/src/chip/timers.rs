@@ -61,7 +61,7 @@ macro_rules! family {
         impl Family for $name {
             type Register = $registers::Register;
             type Instance = Counter;
-            // The registers of all timers stand at the same offsets (tables 99 to 103);
+            // The registers of all timers have the same offsets (tables 99 to 103);
             // some have fewer.
             const PART: &'static Part = &PART;
             const KINDS: &'static [Kind] = &[$kind];

@@ -35,7 +35,7 @@ pub struct Setup {
     /// Seed of noise, bouncing and everything else that is random.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Instructions per second of virtual time; fewer stand for wait states.
+    /// Instructions per second of virtual time; fewer model wait states.
     #[arg(long, default_value_t = INSTRUCTIONS_PER_SECOND)]
     instructions_per_second: u64,
     /// Time from the request of the step interrupt to its first instruction, ns.

@@ -24,9 +24,9 @@ const LIMIT_NS: u64 = 400_000_000_000;
 /// A selection of runs.
 #[derive(Debug, Clone, Copy)]
 pub struct Wanted {
-    /// This fault only.
+    /// The only fault to try; `None`: all.
     pub only: Option<Fault>,
-    /// This state only.
+    /// The only state to try; `None`: all.
     pub state: Option<State>,
 }
 

@@ -59,11 +59,11 @@ pub enum ThermistorFault {
 pub enum DriverFault {
     /// The driver's own supply fails for some ms, so it loses its registers.
     Resets,
-    /// Too hot: it switches its motor off.
+    /// The driver is too hot and switches its motor off.
     Hot,
     /// A motor's phase touches ground.
     Short,
-    /// It neither receives nor sends.
+    /// The driver neither receives nor sends.
     Mute,
 }
 

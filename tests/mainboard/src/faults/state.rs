@@ -31,7 +31,7 @@ const MAX_LINES: usize = 160;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum State {
-    /// From power-on until the drivers are confirmed.
+    /// The start, from power-on until the drivers are confirmed.
     Boot,
     /// Cold, motors without current.
     Idle,
@@ -130,9 +130,9 @@ pub fn moves(job: &str) -> Vec<String> {
 /// Condition of the next snapshot.
 #[derive(Debug, Clone, Copy)]
 enum Due {
-    /// At this instant of the run.
+    /// An instant of the run.
     At(u64),
-    /// This many ns after the host has sent the line that begins with this text.
+    /// A time after the host has sent the line that begins with this text, ns.
     After(&'static str, u64),
     /// The nozzle's true temperature reaches this, degrees Celsius.
     NozzleAt(f64),

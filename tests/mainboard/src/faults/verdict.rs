@@ -70,8 +70,8 @@ pub struct Watch {
     fault: Fault,
     at_ns: u64,
     last_on_ns: Option<u64>,
-    /// Last step, or end of the wait, ns: queued motion and the command under way go on after the
-    /// host has gone and count as use, so the time of a promise begins at their end.
+    /// Last step, or end of the wait, ns: queued motion and the command in execution continue after
+    /// the host has gone and count as use, so the time of a promise begins at their end.
     used_ns: u64,
     /// End of the state's G4, ns.
     dwelt_ns: u64,

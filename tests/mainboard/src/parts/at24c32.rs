@@ -8,7 +8,7 @@
 //! | start, stop, bytes, acknowledges, no acknowledge after the last byte read | 4 |
 //! | an interrupted transfer: a start ends it, clocks end a byte that is read | 4.3 |
 //! | device address with A2 to A0, word address of 12 bits | 6 |
-//! | page write with a roll over in the page; the write begins at a stop behind a whole byte | 7.2 |
+//! | page write with a roll over in the page; the write begins at a stop after a whole byte | 7.2 |
 //! | no acknowledge while it writes | 7.3, 7.4 |
 //! | write protection by WP, seen at the stop: acknowledged and not written | 7.5 |
 //! | current address, random and sequential read, roll over at the end | 8 |
@@ -44,7 +44,7 @@ enum Expects {
     High,
     Low,
     Data,
-    /// It sends.
+    /// The memory sends.
     Read,
 }
 
@@ -264,7 +264,7 @@ impl At24c32 {
     fn stop(&mut self, now_ns: u64) {
         self.stop_ns = Some(now_ns);
         let bytes = std::mem::take(&mut self.latched);
-        // The rise of the clock before the stop counts as a bit; behind a whole byte
+        // The rise of the clock before the stop counts as a bit; after a whole byte
         // it is the first.
         let is_whole = self.expects == Expects::Data && self.bits <= 1;
         if is_whole && !bytes.is_empty() && !self.protected && self.plugged && self.powered {

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | the level changes with each length of filament, forwards and backwards | `the_level_*` |
 //! | the wheel follows the filament with a play | `a_small_way_back_*` |
-//! | faults: filament that stands while the extruder turns, filament that slips | `jammed_*`, `filament_that_slips_*` |
+//! | faults: filament that does not move while the extruder turns, filament that slips | `jammed_*`, `filament_that_slips_*` |
 //!
 //! Left out: chatter at an edge of a slot, a wheel that slips on the filament.
 
@@ -26,10 +26,10 @@ pub struct Config {
 /// A fault on the filament's way.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum FilamentFault {
-    /// The filament stands: the spool is tangled, or the nozzle clogged, and the
+    /// The filament does not move: the spool is tangled, or the nozzle clogged, and the
     /// extruder's gear grinds.
     Jammed,
-    /// This share of what the extruder turns does not reach the filament.
+    /// Share of the extruder's turns that does not reach the filament.
     Slips(f64),
 }
 

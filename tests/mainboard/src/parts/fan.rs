@@ -102,7 +102,7 @@ impl Fan {
         }
     }
 
-    /// The next edge of the tachometer, ns; `None` while the rotor stands.
+    /// The next edge of the tachometer, ns; `None` while the rotor is at rest.
     pub fn next_event_ns(&self) -> Option<u64> {
         if self.fault == Some(FanFault::TachometerDead) {
             return None;

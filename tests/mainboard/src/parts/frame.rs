@@ -2,7 +2,7 @@
 //!
 //! `x'' + 2 z w x' + w^2 (x - u) = 0` with the motors' position `u`, which stands still from one
 //! step to the next, so that the solution is exact at any time (a textbook's damped oscillator). At
-//! rest the mass stands at `u`.
+//! rest the mass is at `u`.
 //!
 //! Left out: more modes than one, modes that couple X and Y, Z.
 

@@ -83,15 +83,15 @@ impl Config {
 /// Faults of the card.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Faults {
-    /// It does not answer.
+    /// True if the card does not answer.
     pub is_silent: bool,
-    /// This many of the next blocks arrive with a wrong CRC.
+    /// Number of the next blocks that arrive with a wrong CRC.
     pub garbled_reads: u32,
-    /// These blocks never come.
+    /// Blocks that never come.
     pub unreadable: Option<Range<u32>>,
-    /// This many of the next written blocks are refused by their CRC status.
+    /// Number of the next written blocks that are refused by their CRC status.
     pub refused_writes: u32,
-    /// This many of the next written blocks are taken, but not programmed: the
+    /// Number of the next written blocks that are taken, but not programmed: the
     /// card's status says so.
     pub failing_writes: u32,
 }
@@ -180,7 +180,7 @@ pub struct SdCard {
     /// Blocks that are not all zeros.
     blocks: BTreeMap<u32, Vec<u8>>,
     is_powered: bool,
-    /// It has had its first clocks.
+    /// True once the card has had its first clocks.
     is_awake: bool,
     state: State,
     /// CMD8 has come since CMD0.

@@ -144,7 +144,7 @@ impl Bus {
 /// Source of a bit's length at a driver's end of the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum BitTime {
-    /// From the sync nibble, like the chip.
+    /// The time measured from the sync nibble, as the chip does.
     Measured,
     /// A constant number of ns.
     Given(u64),

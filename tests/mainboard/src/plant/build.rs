@@ -326,7 +326,7 @@ fn mechanics(board: &Board, printer: &Printer, seed: u64) -> Result<Motion, Stri
         let microsteps = printer.drivers[motor].map_or(16, |driver| driver.microsteps);
         MotorConfig { full_steps_per_mm: printer.steps_per_mm[motor] / f64::from(microsteps), inverted }
     };
-    // Of those behind the first four only further motors of Z are plugged in.
+    // Of those after the first four only further motors of Z are plugged in.
     let plugged_in = |index: usize| {
         let name = &board.motors.get(index)?.name;
         printer.z_motors.get(name).filter(|_| index > 3)

@@ -133,7 +133,7 @@ impl Job {
         self
     }
 
-    /// Replaces homing by G92 with the place where the mainboard's mechanics stand at the start,
+    /// Replaces homing by G92 with the place where the mainboard's mechanics are at the start,
     /// for tests that compare all steps: those of homing depend on where the end stops trigger.
     pub fn without_homing(mut self) -> Self {
         for (line, _) in &mut self.lines {

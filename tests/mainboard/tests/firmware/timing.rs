@@ -56,7 +56,7 @@ fn is_move(line: &str) -> bool {
 #[test]
 fn times_are_measured_while_switched_on_and_no_step_changes() {
     let mut job = Job::cube(LINES).without_heating().without_homing();
-    // The machine stands at each switch, so that all events in between are measured.
+    // The machine is at rest at each switch, so that all events in between are measured.
     for (index, line) in [(OFF, "M798 S0"), (OFF, "M400"), (ON, "M798 S1"), (ON, "M400")] {
         job.insert(index, line);
     }

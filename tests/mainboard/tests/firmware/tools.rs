@@ -1,6 +1,6 @@
 //! Two extruders on the Octopus: T1's motor in the socket e1, its nozzle at HE1 and TH1.
 //!
-//! What is compared is where the model's motors stand and what its heaters get, not what the
+//! The test compares the positions of the model's motors and its heaters' power, not what the
 //! firmware reports.
 
 use std::sync::OnceLock;

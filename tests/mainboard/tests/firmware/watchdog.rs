@@ -8,7 +8,7 @@ use crate::firmware::foreign_code::STAND_STILL;
 use crate::firmware::images::image_of;
 
 /// Replaces the idle task: masks interrupts of RTIC's priority 4 and below, the planner and all
-/// lower tasks, for ever. `movs r0, #0xc0; msr basepri, r0; b .`
+/// lower tasks, for good. `movs r0, #0xc0; msr basepri, r0; b .`
 pub const NO_PLANNER: [u16; 4] = [0x20c0, 0xf380, 0x8811, STAND_STILL];
 
 /// Masks all interrupts: `cpsid i; b .`

@@ -1,7 +1,7 @@
-//! Three motors lift the Octopus's Z and stand at different heights: G34 brings them to one, and
+//! Three motors lift the Octopus's Z and are at different heights: G34 brings them to one, and
 //! every stop leaves them together again.
 //!
-//! What is compared is where the model's motors stand, not what the firmware reports.
+//! The test compares the positions of the model's motors, not what the firmware reports.
 
 use std::sync::OnceLock;
 

@@ -23,7 +23,7 @@ const RCC_CFGR: u64 = 0x4002_3808;
 /// The observed behaviour of a printer.
 #[derive(Debug, Clone, PartialEq, Default)]
 struct Behaviour {
-    /// It executed all commands, in time.
+    /// True if the printer executed all commands, in time.
     ended: bool,
     /// Messages of the image, without temperatures.
     lines: Vec<String>,

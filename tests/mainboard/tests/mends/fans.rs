@@ -1,4 +1,4 @@
-//! 1.4: cooling after a fault and after a reset, and a fan that stands.
+//! 1.4: cooling after a fault and after a reset, and a fan that does not turn.
 
 use ferrostep_mainboard::chip::Halt;
 use ferrostep_mainboard::parts::fan::FanFault;

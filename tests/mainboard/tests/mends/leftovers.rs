@@ -78,7 +78,7 @@ pub fn timers() -> Stub {
 }
 
 /// A converter in continuous mode, and a DMA stream that writes its samples over the
-/// image's RAM for ever.
+/// image's RAM for good.
 pub fn dma() -> Stub {
     let stream = 0x4002_6410;
     let words = [

@@ -10,7 +10,7 @@ pub enum InterpretError {
         /// The line.
         line: u32,
     },
-    /// More lines than a u32 counts.
+    /// The file has more lines than a u32 counts.
     TooManyLines,
 }
 

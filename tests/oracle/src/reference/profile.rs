@@ -111,7 +111,7 @@ pub struct ReferenceProfile {
     pub corner_velocity_mm_per_s: [f64; 4],
     /// The soft limits' far ends, mm.
     pub size_mm: [f64; 3],
-    /// Near ends of the axes, mm.
+    /// The soft limits' near ends, mm.
     pub lower_end_mm: [f64; 3],
     /// Position of each axis when its sensor has triggered, mm.
     pub home_mm: [f64; 3],

@@ -34,7 +34,7 @@ pub struct Excess {
     pub axis: usize,
     /// Tick at the window's end.
     pub tick: u64,
-    /// Least possible value / limit.
+    /// Minimum possible value / limit.
     pub ratio: f64,
 }
 

@@ -91,7 +91,7 @@ pub enum Finding {
         axis: usize,
         /// Tick at the window's end.
         tick: u64,
-        /// Least possible speed / limit.
+        /// Minimum possible speed / limit.
         ratio: f64,
     },
     /// The speed of an axis jumps too far at the start of a move.
@@ -107,7 +107,7 @@ pub enum Finding {
         axis: usize,
         /// Tick at the window's end.
         tick: u64,
-        /// Least possible acceleration / limit.
+        /// Minimum possible acceleration / limit.
         ratio: f64,
     },
 }

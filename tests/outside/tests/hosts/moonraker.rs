@@ -4,8 +4,8 @@ use ferrostep_testkit::program::program;
 use ferrostep_testkit::python;
 use serde_json::{Value, json};
 
-/// It asks the running printer, estimates, corrects a file on request and after an upload, and
-/// knows which one is corrected.
+/// Moonraker asks the running printer, estimates, corrects a file on request and after an upload,
+/// and knows which one is corrected.
 #[test]
 fn moonraker_analyses_files_by_our_script() {
     let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();

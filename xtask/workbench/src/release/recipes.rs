@@ -50,7 +50,7 @@ pub fn archive(version: &str, triple: &str) -> String {
 fn filled(template: &str, value: impl Fn(&str) -> Result<String, Failure>) -> Result<String, Failure> {
     let mut text = String::new();
     for (place, part) in template.split(MARK).enumerate() {
-        // Every second part stands between two marks.
+        // Every second part is between two marks.
         if place % 2 == 0 { text.push_str(part) } else { text.push_str(&value(part)?) }
     }
     if template.matches(MARK).count().is_multiple_of(2) { Ok(text) } else { Err(format!("an odd number of {MARK}")) }

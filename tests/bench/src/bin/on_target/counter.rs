@@ -21,7 +21,7 @@ impl Cycles {
         Self { stand_in: (DWT::cycle_count() == first).then_some(clock) }
     }
 
-    /// Returns true if the core counts, and not the motion clock that stands in for it.
+    /// Returns true if the core counts, and not the motion clock that replaces it.
     pub fn are_of_core(&self) -> bool {
         self.stand_in.is_none()
     }

@@ -65,7 +65,7 @@ pub(super) struct Data {
 enum Step {
     /// Another step may be due.
     Again(Phase),
-    /// Nothing before this instant, ns.
+    /// Earliest instant of the next change, ns.
     Wait(Option<u64>),
     /// The block is over.
     BlockEnd(u64),

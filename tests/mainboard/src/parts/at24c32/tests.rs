@@ -97,7 +97,7 @@ fn a_page_rolls_over_and_takes_its_time() {
     assert_eq!(wires.read(0x013e, 2), [1, 2]);
     assert_eq!(wires.read(0x0120, 1), [3]);
     assert_eq!((wires.chip.pages_written(), wires.chip.violations()), (1, 0));
-    // Sequential reads go on over pages and over the end.
+    // Sequential reads continue over pages and over the end.
     assert_eq!(wires.write(&[0xa0, 0x0f, 0xff, 7]), 4);
     wires.wait();
     assert_eq!(wires.write(&[0xa0, 0x00, 0x00, 8]), 4);

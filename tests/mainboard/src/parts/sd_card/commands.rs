@@ -2,7 +2,7 @@
 
 use super::{Answer, BLOCK_BYTES, Bus, Kind, Reading, SdCard, State};
 
-/// Most that the bus may run at until the card has an address, and afterwards, Hz (4.2.1, 4.3).
+/// Maximum clock of the bus until the card has an address, and afterwards, Hz (4.2.1, 4.3).
 const IDENTIFICATION_HZ: u64 = 400_000;
 const TRANSFER_HZ: u64 = 25_000_000;
 /// Clocks before the first command (6.4.1).

@@ -70,7 +70,7 @@ fn report(bench: &mut Bench) -> Vec<String> {
     heard
 }
 
-/// Goes on with the print, whose steps must be the desk's after the line that the report says.
+/// Continues the print, whose steps must be the desk's after the line that the report says.
 fn goes_on(bench: &mut Bench, heard: &[String], program: &str) {
     let line = number_after(heard, "after line ");
     let byte = number_after(heard, "at byte ") as usize;
@@ -102,7 +102,7 @@ fn a_print_goes_on_after_each_kind_of_cut_with_the_steps_that_were_missing() {
     send(&mut bench, BEFORE);
     for how in [Cut::Reset, Cut::Power] {
         send(&mut bench, "G1 X285 Y285 F6000\nM400");
-        // By how much the nozzle is higher than the printer knows.
+        // Height of the nozzle above the one that the printer knows.
         let error_mm = z_mm(&mut bench) - 2.0;
         start(&mut bench, "A.GCO");
         // The place of the second layer is the next block.
