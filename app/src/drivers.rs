@@ -1,5 +1,5 @@
 //! The motors' drivers as the printer sees them, and their line as the drivers' own code does:
-//! views of what tasks share.
+//! views of the state that tasks share.
 
 #[cfg(drivers)]
 use core::cell::RefCell;

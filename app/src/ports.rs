@@ -334,7 +334,7 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
     }
 }
 
-/// Counts of what could not keep up since the start.
+/// Counts of losses since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Overload {
     /// Blocks that left the look-ahead ring early because steps ran out.

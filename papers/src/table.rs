@@ -36,7 +36,7 @@ pub struct FrequencyTable {
 pub struct Slice {
     /// Start, s.
     pub start_s: f64,
-    /// Duration, s; T, or what is left for the last slice.
+    /// Duration, s; T, or the remainder for the last slice.
     pub duration_s: f64,
     /// Frequency, Hz.
     pub frequency_hz: f64,

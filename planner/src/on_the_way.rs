@@ -119,7 +119,7 @@ pub(crate) struct Stage {
 pub(crate) struct Ride {
     /// Duration, s.
     end_s: f32,
-    /// The share of what could move that moves.
+    /// Share of the movable filament that moves.
     share: f32,
     /// Number of stages.
     pub stages: u8,

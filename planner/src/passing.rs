@@ -46,7 +46,7 @@ pub(crate) trait Stage {
     fn waiting(&mut self) -> &mut Waiting;
 
     /// Adds an entry to `out`, or the first events of it, with its own steps, and
-    /// passes what is done.
+    /// passes the finished events.
     fn pass(&mut self, entry: StepEntry, out: &mut PassedEntries);
 
     /// Steps of X, Y and Z (A, B, Z) that it has added: the planner does not know of them.

@@ -206,7 +206,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.position.advance(target);
     }
 
-    /// Moves what is held and the open block into the ring, then does a flush that waited for it;
+    /// Moves the held moves and the open block into the ring, then does a flush that waited for it;
     /// `false` without room.
     #[inline(never)]
     fn close_open_block(&mut self) -> bool {

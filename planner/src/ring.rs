@@ -147,7 +147,7 @@ impl<S: RingMemory> Ring<S> {
     }
 
     /// Adds a block to a ring that has room; `fill` writes it into its place, which still holds
-    /// what was there before.
+    /// the former contents.
     #[inline(always)]
     pub(crate) fn push_with(&mut self, fill: impl FnOnce(&mut Content)) {
         if let Some(content) = self.at(self.length) {

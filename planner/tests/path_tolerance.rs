@@ -1,6 +1,6 @@
 //! The filtered path keeps its tolerance, worked out apart in f64: every place of it is within the
 //! tolerance of the programmed path, and of every corner. With a moving average its true
-//! acceleration, and the extruder's, are at most 5/4 of what the machine may.
+//! acceleration, and the extruder's, are at most 5/4 of the machine's limits.
 //!
 //! [`CORNERS_VARIABLE`] sets how many random corners are tried.
 
@@ -26,7 +26,7 @@ const PLACES: f64 = 24.0;
 /// Largest true acceleration, as a multiple of the machine's.
 const MOST_ACCELERATION: f64 = 1.25;
 
-/// The worst of a case, parts of what is allowed.
+/// The worst of a case, as a share of the limit.
 #[derive(Clone, Copy, Debug, Default)]
 struct Worst {
     tube: f64,

@@ -88,7 +88,7 @@ fn jerks(mm_per_s3: f64) -> Jerks {
 /// Ratio of the filament's jerk to the path's.
 const FILAMENT: f64 = 10.0;
 
-/// The executor of what leaves.
+/// The executor of the blocks that leave.
 struct Stepper {
     interpolator: Interpolator,
     counter: Counter,
@@ -349,7 +349,7 @@ fn random_runs_keep_every_limit_and_make_their_steps() {
     }
 }
 
-/// Counts of what has been checked.
+/// Counts of the checks.
 #[derive(Default)]
 struct Sum {
     runs: u64,

@@ -1,4 +1,4 @@
-//! The card's task, and views of what the printer task shares with it.
+//! The card's task, and views of the state that the printer task shares with it.
 
 use core::cell::RefCell;
 

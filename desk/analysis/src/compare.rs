@@ -166,7 +166,7 @@ fn side(asked: Asked<'_>, keys: &[String], frequency_hz: Option<[f64; 2]>) -> Re
 }
 
 impl Side {
-    /// File, machine and what was changed.
+    /// File, machine and the changes.
     fn name(&self) -> String {
         let changes: String = self.changes.iter().map(|(key, value)| format!(", {key} = {value}")).collect();
         let rules = self.rules.map(|rules| format!(" by the rules of {rules}")).unwrap_or_default();

@@ -12,7 +12,7 @@ const VERSION: u32 = 1;
 /// Bytes of the file's header: the magic number, the version, the kind of checksum.
 pub(crate) const FILE_HEADER_BYTES: usize = 10;
 
-/// Bytes of a block's header before the size of what is compressed.
+/// Bytes of a block's header before the size of its compressed contents.
 pub(crate) const PLAIN_HEADER_BYTES: usize = 8;
 
 /// Bytes of a block's header with compression.

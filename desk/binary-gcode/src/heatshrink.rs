@@ -23,7 +23,7 @@ pub(crate) struct Heatshrink {
     /// Bits that have come and are not used yet, the lowest `held` of them.
     bits: u32,
     held: u8,
-    /// The first bit of what comes next: a literal, or a repetition.
+    /// The first bit of the next item: a literal, or a repetition.
     is_literal: Option<bool>,
     distance: usize,
     /// Bytes that are still to be repeated.

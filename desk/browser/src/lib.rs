@@ -49,7 +49,7 @@ pub enum Event {
     },
     /// A message of the machine.
     Notice(String),
-    /// Sentence about what was taken from the slicer's comments for the machine.
+    /// Sentence about the values taken from the slicer's comments for the machine.
     Taken(String),
     /// The machine that a configuration describes.
     Machine(Kept),

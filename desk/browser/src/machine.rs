@@ -22,7 +22,7 @@ pub struct Machine {
     pub by: Option<ByRules>,
     /// The machine's name for people.
     pub name: String,
-    /// Sentence about what was taken from the slicer's comments.
+    /// Sentence about the values taken from the slicer's comments.
     pub note: Option<String>,
     /// The settings that were kept, of a machine by its configuration.
     pub kept: Option<Kept>,

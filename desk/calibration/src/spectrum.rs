@@ -130,7 +130,7 @@ impl Spectrum {
         self.density[self.lines(band_hz)].iter().sum::<f64>() * self.step_hz
     }
 
-    /// The density of what is not vibration of the frame: the median where no printer swings.
+    /// The density of noise, not vibration of the frame: the median where no printer swings.
     pub fn floor(&self) -> f64 {
         let highest_hz = self.frequency_hz(self.density.len() - 1);
         let mut above: Vec<f64> = self.density[self.lines([0.7 * highest_hz, highest_hz])].to_vec();

@@ -67,7 +67,7 @@ pub fn strict(file: &Path, remarks: &[Remark]) -> ExitCode {
 }
 
 /// Runs the job, a prepared one from a frame on, and prints its summary. `explain` tells, of the
-/// estimated time, what would explain a measured one.
+/// estimated time, possible reasons for a measured one.
 pub fn run<D: Desk>(
     job: &JobArguments,
     mut input: Input,

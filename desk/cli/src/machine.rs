@@ -10,7 +10,7 @@ use crate::terminal::tell;
 
 pub use ferrostep_analysis::job_machine::name_or_path;
 
-/// The machine of an open job; tells the person what was taken from the slicer's comments.
+/// The machine of an open job; tells the person the values taken from the slicer's comments.
 pub fn of_job(named: Option<&str>, asked: Option<PlannedBy>, file: &Path, input: &Input) -> Result<JobMachine, String> {
     told(JobMachine::of(named, asked, file, input).map_err(|error| error.to_string())?)
 }

@@ -77,7 +77,7 @@ impl Progress {
         }
     }
 
-    /// Estimates the time of a file's print meanwhile: only from that is it known what is left.
+    /// Estimates the time of a file's print meanwhile: only that gives the remaining time.
     /// Without a terminal it would not be seen.
     pub fn estimate(&self, file: &Path, profile: Profile, look_ahead: usize) {
         if !self.bar.is_hidden() {

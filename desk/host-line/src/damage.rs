@@ -1,4 +1,4 @@
-//! A line that damages what a host sends, for tests of hosts and of what answers them.
+//! A line that damages a host's bytes, for tests of hosts and of the printers that answer.
 
 /// Damage to bytes on their way to the printer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -168,7 +168,8 @@ impl Line {
             End::Pty { board_end, .. } => match board_end.read(bytes) {
                 Err(error) if is_idle(&error) => {
                     if error.kind() != ErrorKind::WouldBlock {
-                        // No host has it open any more: what it has not read is not the next one's.
+                        // No host has it open any longer: bytes that it has not read are not the
+                        // next one's.
                         self.waiting.clear();
                     }
                     0

@@ -89,7 +89,7 @@ pub fn command_of(line: &[u8]) -> Result<Option<String>, Damaged> {
     };
     match reader.finish() {
         None => Ok(None),
-        // The reader keeps the beginning of what has no effect here.
+        // The reader keeps the beginning of a line without effect here.
         Some(Ok(kept)) if kept.number.is_none() && command.len() > LINE_CAPACITY => whole(),
         Some(Ok(line)) => match line.checksum {
             Checksum::Absent | Checksum::Right if line.text.is_empty() => Ok(None),

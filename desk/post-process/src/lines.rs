@@ -8,7 +8,7 @@ use memchr::memchr2;
 /// them.
 const MAX_BYTES: usize = 4096;
 
-/// The end of what was read.
+/// The end of the bytes read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
     /// The line ends with these bytes.

@@ -25,7 +25,7 @@ fn jerk(rule: JerkRule) -> Corner {
     Corner::ClassicJerk { jerk_mm_per_s: [8.0, 9.0, 0.4, 5.0], rule }
 }
 
-/// Displacement of what has limits.
+/// Displacement of the limited axes.
 fn motors(one: &Move, settings: &MarlinSettings) -> [f64; 4] {
     let [x, y, z, e] = one.displacement_mm;
     if settings.is_core_xy { [x + y, x - y, z, e] } else { [x, y, z, e] }

@@ -8,7 +8,7 @@ pub(crate) const PORTION_BYTES: usize = 4 * 1024;
 /// Maximum number of bytes seen ahead.
 const MAX_AHEAD_BYTES: usize = 1 << 20;
 
-/// A reader with a bounded view of what comes.
+/// A reader with a bounded view of the bytes ahead.
 pub(crate) struct Ahead<'a> {
     input: &'a mut dyn Read,
     /// Bytes that have been read before their turn.

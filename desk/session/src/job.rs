@@ -150,7 +150,7 @@ impl<P: Ports, O: Onlooker<P>> Onlooker<P> for Option<O> {
     }
 }
 
-/// Two observers, one after the other; what is left unread is the second's.
+/// Two observers, one after the other; lines left unread are the second's.
 impl<P: Ports, A: Onlooker<P>, B: Onlooker<P>> Onlooker<P> for (&mut A, &mut B) {
     fn begins(&mut self, printer: &Printer<'_, P>, line: u32, text: &str) {
         self.0.begins(printer, line, text);

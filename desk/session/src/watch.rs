@@ -71,7 +71,7 @@ impl<'a> Watch<'a> {
     }
 
     /// Adds the remarks about the end of a job; of one that `has_ended`, not of one that stopped on
-    /// its way, those about what is left on.
+    /// its way, those about heaters and motors left on.
     pub fn end(&self, heating: &impl Heating, has_ended: bool) {
         for heater in Heater::ALL.into_iter().filter(|_| has_ended) {
             let celsius = heating.status(heater).target_celsius;

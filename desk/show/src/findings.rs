@@ -1,4 +1,4 @@
-//! The findings of a print, in words: why it stopped, what its lines were warned of, and where it
+//! The findings of a print, in words: why it stopped, the warnings of its lines, and where it
 //! is fastest, longest or most.
 
 use serde::Serialize;

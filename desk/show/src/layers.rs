@@ -2,7 +2,7 @@
 //!
 //! Where layers are flat, one begins where printing continues at another height. Where the height
 //! changes while something is printed (a spiral, a print that is not planar), one begins where the
-//! nozzle prints over what it has printed in the present one.
+//! nozzle prints over lines of the present one.
 
 use std::collections::HashMap;
 

@@ -66,7 +66,7 @@ pub(crate) struct Nodes {
     left_out: u64,
 }
 
-/// Nodes and what was left out of them.
+/// Nodes, and the ones left out.
 #[derive(Debug)]
 pub(crate) struct Reduced {
     pub nodes: Vec<Node>,

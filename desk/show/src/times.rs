@@ -13,7 +13,7 @@ pub enum TimeOf {
     Print,
     /// The whole print in a printer's silent mode, whose limits are others.
     SilentPrint,
-    /// The print without what comes before its first layer.
+    /// The print without the time before its first layer.
     Model,
     /// The first layer.
     FirstLayer,

@@ -102,7 +102,7 @@ struct Aside {
 }
 
 impl Totals {
-    /// Leaves what was printed so far out of the extremes: it was no part, but a line that
+    /// Leaves the lines printed so far out of the extremes: it was no part, but a line that
     /// primes the nozzle.
     pub(crate) fn begin_part(&mut self, time_s: f64) {
         self.part_start_s = time_s;

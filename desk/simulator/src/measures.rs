@@ -140,7 +140,7 @@ impl Default for Measures {
 }
 
 impl Measures {
-    /// Measures that also keep what was around the largest error and after the strongest stop.
+    /// Measures that also keep the motion around the largest error and after the strongest stop.
     pub fn with_snapshots() -> Self {
         Self { snapshots: Some(Snapshots::default()), ..Self::default() }
     }
@@ -256,7 +256,7 @@ impl Measures {
         }
     }
 
-    /// The measures, and what was kept for pictures.
+    /// The measures, and the motion kept for pictures.
     pub fn finish(mut self, time_s: f64) -> (Report, Option<Snapshots>) {
         self.work(true);
         let report = Report {

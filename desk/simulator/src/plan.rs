@@ -71,7 +71,7 @@ impl MoveShape {
         Self { axes_mm, filament_mm, length_mm }
     }
 
-    /// Cross-section of what it lays, mm^2; 0 on a travel.
+    /// Cross-section of the laid line, mm^2; 0 on a travel.
     pub fn bead_mm2(&self, filament_mm2: f64) -> f64 {
         let [x, y, _] = self.axes_mm;
         let plane_mm = x.hypot(y);

@@ -1,4 +1,4 @@
-//! Pictures of a simulation: what was around the largest error, and after the strongest stop.
+//! Pictures of a simulation: the motion around the largest error, and after the strongest stop.
 
 use crate::measures::{Sample, Snapshots};
 use ferrostep_svg::{escaped, page};

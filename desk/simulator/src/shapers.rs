@@ -85,7 +85,7 @@ impl Shaper {
     /// impulse has no delay.
     ///
     /// # Errors
-    /// The frequency or the damping is outside of what the shaper is defined for.
+    /// The frequency or the damping is outside the shaper's range.
     pub fn new(kind: ShaperKind, frequency_hz: f64, damping: f64) -> Result<Self, ShaperError> {
         if !FREQUENCY_HZ.contains(&frequency_hz) {
             return Err(ShaperError::Frequency(frequency_hz));

@@ -9,7 +9,7 @@ pub struct Answer {
     pub status: u16,
     kind: &'static str,
     policy: Option<&'static str>,
-    /// The address of what was made.
+    /// The address of the new resource.
     location: Option<String>,
     body: Vec<u8>,
 }
@@ -37,7 +37,7 @@ impl Answer {
         Self { status: 201, kind: "application/json", policy: None, location: Some(location), body }
     }
 
-    /// The page, with the policy of what it may load.
+    /// The page, with its content security policy.
     pub fn page(page: &'static str, policy: &'static str) -> Self {
         let body = page.as_bytes().to_vec();
         Self { status: 200, kind: "text/html; charset=utf-8", policy: Some(policy), location: None, body }

@@ -5,7 +5,7 @@
 //!
 //! - Interrupts and exceptions of configurable priority below the highest are masked by BASEPRI. A
 //!   write to BASEPRI_MAX can only raise the priority: within an RTIC lock or another critical
-//!   section the stricter of both rules, and [`restore`] puts back what was there before, never
+//!   section the stricter of both rules, and [`restore`] puts back the former state, never
 //!   less. PRIMASK is left alone, so that sections within `init` and after `safe_state::enter`,
 //!   where it is set, do not clear it.
 //! - Hardware priority 0 is the step task's, which does neither. Unused interrupts have it

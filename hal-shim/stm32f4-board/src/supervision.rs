@@ -61,7 +61,7 @@ pub(crate) fn keep_last_words(text: fmt::Arguments<'_>) {
     LAST_WORDS.keep(text);
 }
 
-/// Hands over what was kept before the last reset, once.
+/// Hands over the data kept from before the last reset, once.
 pub fn take_last_words(tell: impl FnOnce(&dyn fmt::Display)) {
     if let Some(text) = LAST_WORDS.get() {
         tell(&text);

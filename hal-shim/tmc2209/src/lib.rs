@@ -1,8 +1,8 @@
 //! TMC2209 motor drivers over their single-wire serial line.
 //!
 //! The code has no registers of a microcontroller and no waits: the line is a [`SingleWireUart`],
-//! time comes in as ticks, and [`DriverBank::poll`] does what is due. All numbers are those of the
-//! TMC2209 data sheet, revision 1.09; the comments name its sections and tables.
+//! time comes in as ticks, and [`DriverBank::poll`] does the work that is due. All numbers are
+//! those of the TMC2209 data sheet, revision 1.09; the comments name its sections and tables.
 //!
 //! A driver is [confirmed](DriverState::Confirmed) when each register that was written has been
 //! counted by the chip (IFCNT) and those that can be read have been read back. Until all are,

@@ -12,7 +12,7 @@ const FULL_RPM: f32 = 5_000.0;
 /// A thermistor that has fallen out takes the air's temperature with this time constant, s.
 const FALLEN_OUT_S: f32 = 3.0;
 
-/// A heater, what it heats, and its thermistor.
+/// A heater, the part that it heats, and its thermistor.
 #[derive(Clone, Copy, Debug)]
 struct VirtualHeater {
     model: ThermalModel,
@@ -157,7 +157,7 @@ impl VirtualHeaters {
         }
     }
 
-    /// True temperature of what a heater heats, whatever its thermistor says, degrees Celsius; the
+    /// True temperature of the heated part, whatever its thermistor says, degrees Celsius; the
     /// air's without such a heater.
     pub fn true_celsius(&self, heater: Heater) -> f32 {
         self.heater(heater).map_or(AMBIENT_CELSIUS, |heater| heater.model.celsius())

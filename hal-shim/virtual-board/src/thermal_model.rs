@@ -1,4 +1,4 @@
-//! A heater, what it heats, and the air around.
+//! A heater, the part that it heats, and the air around.
 
 /// Parts that the dead time is divided into.
 const DELAY_PARTS: usize = 32;

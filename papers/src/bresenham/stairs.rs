@@ -9,11 +9,11 @@ pub struct Stair {
     /// Steps of the major axis, at least 1.
     pub width: u32,
     /// True if its last step is of the rarer kind: with the minor axis, or without it on a steep
-    /// line ([`Slope::is_steep`]). False for what is left after the last stair.
+    /// line ([`Slope::is_steep`]). False for the remainder after the last stair.
     pub is_whole: bool,
 }
 
-/// A line's stairs, and what is left after the last: at most min(dy, dx - dy) + 1.
+/// A line's stairs, and the remainder after the last: at most min(dy, dx - dy) + 1.
 #[derive(Clone, Copy, Debug)]
 pub struct Stairs<W = FromQuotient> {
     widths: W,

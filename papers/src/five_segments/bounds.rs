@@ -17,7 +17,7 @@ pub(crate) struct RampBounds {
     pub(crate) acceleration: f64,
 }
 
-/// Halvings of an interval of speeds: what is left of it is the rounding of f64.
+/// Halvings of an interval of speeds, down to the rounding of f64.
 const BISECTIONS: usize = 52;
 
 impl RampBounds {

@@ -96,7 +96,7 @@ pub struct Trajectory {
 /// A status or auxiliary command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
-    /// The source line of what comes next.
+    /// The source line of the following packets.
     Line(u32),
     /// A move, or a part of an arc, ends inside the next trajectory. Its steps and its
     /// filament follow.

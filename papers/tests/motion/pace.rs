@@ -1,4 +1,4 @@
-//! Limits of a machine's processor: the budget of a block, and the pace of what leaves.
+//! Limits of a machine's processor: the budget of a block, and the pace of the blocks that leave.
 
 use ferrostep_papers::Papers;
 use ferrostep_planner::extruder::rounded_steps;

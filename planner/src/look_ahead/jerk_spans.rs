@@ -21,7 +21,7 @@
 //! One thing is not as under a constant acceleration: to slow down to x takes longer than to slow
 //! down to a standstill where x is small, since the acceleration has to be gone at x
 //! ([`crate::s_curve::bounds`]). So a corner's speed could fall when the anchor's rises. It is kept
-//! then, with its anchor: what was possible before remains possible, at the anchor perhaps with
+//! then, with its anchor: speeds possible before remain possible, at the anchor perhaps with
 //! less than its speed.
 
 use crate::block::{Acceleration, Block, Speed};

@@ -311,7 +311,7 @@ impl<M: MotionMethods> BlockRules<M> {
     }
 
     /// Maximum number of step events of a move: of X, Y, Z and the extruder with this filament,
-    /// units of 10 nm. How its steps fall depends on what was pushed before; a plan must not, and
+    /// units of 10 nm. How its steps fall depends on earlier filament; a plan must not, and
     /// so counts one more than it has filament for.
     #[inline(always)]
     fn events(&self, steps: [i32; 3], filament_10nm: f32) -> f32 {

@@ -152,7 +152,7 @@ impl Held {
         Path::along(vector_10nm)
     }
 
-    /// Closes what is held: no more moves join it.
+    /// Closes the held moves: no more join them.
     #[inline(never)]
     fn close(&mut self) {
         if let Some(legs) = self.legs.get_mut(..self.travels) {
@@ -172,7 +172,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     /// held is planned.
     ///
     /// # Errors
-    /// [`MoveError::NoRoom`]: the move has not been taken, though some of what was held may
+    /// [`MoveError::NoRoom`]: the move has not been taken, though some of the held moves may
     /// have been planned.
     #[inline(never)]
     pub(super) fn holds_back(
@@ -194,7 +194,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         Ok(true)
     }
 
-    /// Adds a move of this kind to what is held.
+    /// Adds a move of this kind to the held ones.
     #[inline(never)]
     fn hold(&mut self, kind: Kind, travel: &Travel, target: &Target) {
         let Self { held, rules, choice, position, previous, .. } = self;
@@ -236,7 +236,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         }
     }
 
-    /// Plans what is held, then does a flush that waits for it.
+    /// Plans the held moves, then does a flush that waits for them.
     fn settle_held(&mut self, make_room: &mut impl FnMut(&mut Self) -> bool) -> Result<(), MoveError> {
         while !(if self.flushing { self.close_open_block() } else { self.plan_held() }) {
             if !make_room(self) {
@@ -246,7 +246,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         Ok(())
     }
 
-    /// Plans what is held; `false` without room for all of it.
+    /// Plans the held moves; `false` without room for all of them.
     #[inline(always)]
     pub(super) fn plan_held(&mut self) -> bool {
         self.held.is_none() || self.plan_parts()
@@ -269,7 +269,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         is_planned
     }
 
-    /// Plans the held parts, and advances the position to the end of what has been planned.
+    /// Plans the held parts, and advances the position to the end of the planned ones.
     fn plan_held_parts(&mut self) -> bool {
         while let Some((part, next)) = self.held.as_ref().and_then(Held::next_part) {
             if !self.plan_part(&part) {

@@ -35,7 +35,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
             let is_still_forgotten = !self.previous.acceleration.is_some() && self.previous.is_forgotten;
             planned.is_forgotten = is_still_forgotten || tolerance.forgets(ticks);
             if planned.is_forgotten {
-                // The filters do not see what comes then together with the open block.
+                // The filters do not see later moves together with the open block.
                 self.open.hold_end_to(Acceleration::MAX);
             }
             return;

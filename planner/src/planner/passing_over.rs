@@ -1,4 +1,4 @@
-//! Planning without execution, for estimates and for counts of what planning costs.
+//! Planning without execution, for estimates and for counts of planning's cost.
 
 use crate::block::PlannedBlock;
 use crate::methods::MotionMethods;

@@ -181,7 +181,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.queue.report_fault().map_or(Ok(()), |fault| Err(MoveError::Plan(fault)))
     }
 
-    /// Motion ends with what was taken so far, and no more of the job is taken.
+    /// Motion ends with the moves taken so far, and no more of the job is taken.
     #[cold]
     pub(super) fn fail(&mut self, fault: PlanFault) -> MoveError {
         self.queue.note_reported_fault(fault);

@@ -17,7 +17,8 @@ pub struct Bounds<F> {
     pub acceleration: F,
 }
 
-/// Bisections of an interval of speeds: it is then 2^-24 of what it was, all that f32 tells.
+/// Bisections of an interval of speeds: it is then 2^-24 of its former length, the resolution of
+/// f32.
 const BISECTIONS: usize = 24;
 
 /// Newton's steps to a reach: they start less than a third too high, and each squares
@@ -113,7 +114,7 @@ impl<F: Real> Bounds<F> {
     }
 
     /// The largest speed at most `wanted` to which one can go from `entry` over a length; `entry`
-    /// itself where none of what is slower is near enough.
+    /// itself where no slower one is near enough.
     ///
     /// Not every slower speed is nearer than a still slower one: the way down to x grows with x up
     /// to a crest, because the acceleration has to be gone at both ends of a ramp. Beyond the

@@ -88,7 +88,7 @@ pub fn plan(moves: &[Move], shaped: bool) -> Vec<Portion> {
     portions
 }
 
-/// The stage, what has left it, and how often a block ended elsewhere.
+/// The stage, its output, and how often a block ended elsewhere.
 pub struct Bench {
     pub stage: BacklashStage,
     pub ledger: StepLedger,

@@ -37,7 +37,7 @@ pub enum Found {
     Records,
     /// No memory of records, as after power-on.
     Nothing,
-    /// Memory that does not keep what is stored: this chip has none, or it is switched off.
+    /// Memory that does not keep its contents: this chip has none, or it is switched off.
     NoMemory,
 }
 

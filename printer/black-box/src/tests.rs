@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 use crate::*;
 
-/// Slots by number, and what was played of them.
+/// Slots by number, and their played events.
 #[derive(Clone, Debug)]
 struct Steps {
     past: Past,

@@ -332,7 +332,7 @@ impl Mailbox {
         self.stream == Stream::Reading && self.buffers.iter().any(|buffer| buffer.filled == 0)
     }
 
-    /// Takes over what was read; an empty block is the end.
+    /// Takes over the block that was read; an empty one is the end.
     pub(crate) fn fill(&mut self, block: &[u8]) {
         if self.stream != Stream::Reading {
             return;
@@ -346,7 +346,7 @@ impl Mailbox {
         }
     }
 
-    /// Takes note that the card has failed; what was read stays.
+    /// Notes that the card has failed; the bytes already read stay.
     pub(crate) fn fail(&mut self, failure: CardFailure) {
         self.stream = Stream::Failed(failure);
     }

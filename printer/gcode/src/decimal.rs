@@ -9,7 +9,7 @@ const NANOS_PER_UNIT: i64 = 1_000_000_000;
 const FRACTION_DIGITS: usize = 9;
 /// Largest whole part that leaves room for the fraction.
 const MAX_WHOLE: u64 = (i64::MAX / NANOS_PER_UNIT) as u64;
-/// Turns units of 1e-9 into what is stored.
+/// Converts units of 1e-9 to the stored unit.
 const SIGN: u64 = 1 << 63;
 /// Factors that turn a fraction with this many digits into units of 1e-9.
 const FRACTION_SCALE: [u32; FRACTION_DIGITS + 1] =

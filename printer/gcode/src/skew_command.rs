@@ -22,7 +22,7 @@ pub struct Diagonals {
 pub enum SkewCommand {
     /// M852 I (or S), J and K: the factors; without words a query.
     Factors([Option<Decimal>; 3]),
-    /// SET_SKEW XY, XZ and YZ: what was measured of some planes.
+    /// SET_SKEW XY, XZ and YZ: measurements of some planes.
     Measured([Option<Diagonals>; 3]),
     /// SET_SKEW CLEAR=1: the axes are at right angles.
     Clear,

@@ -27,7 +27,7 @@
 //! | 1, 16 values | whether limits are there that are not the profile's; each g(10) after 0, or an f32 after 1 |
 //! | g(7) | unit of X, Y and Z, of 10 nm |
 //! | g(7) | unit of the filament, of 0.1 nm |
-//! | 4 x 5 | orders of the codes of X, Y, Z and of what the filament differs from its prediction |
+//! | 4 x 5 | orders of the codes of X, Y, Z and of the filament's difference from its prediction |
 //! | g(8) | number of items |
 //!
 //! An item is `0` and a move of the same shape as the move before, `10` and a move with its shape

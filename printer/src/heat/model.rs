@@ -81,7 +81,7 @@ pub struct Cooling {
     pub filament_mm_per_s: f32,
 }
 
-/// The loop: its estimates of what cannot be measured.
+/// The loop: its estimates of the unmeasured temperatures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModelLoop {
     /// Temperature of the mass, degrees Celsius.

@@ -66,7 +66,7 @@ impl AccelerometerSettings {
     }
 }
 
-/// Refuses a value that is beyond the first and the last of what there is.
+/// Refuses a value outside the range of the available ones.
 fn in_range(word: char, value: Option<f64>, known: impl Iterator<Item = f64> + Clone) -> Result<(), CommandError> {
     match (value, known.clone().next(), known.last()) {
         (Some(value), Some(minimum), Some(maximum)) if !(minimum..=maximum).contains(&value) => {

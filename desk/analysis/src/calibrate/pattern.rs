@@ -21,7 +21,7 @@ pub const RETRACTION_MM_PER_S: f64 = 30.0;
 /// Reason why a pattern cannot be printed, or its measurement means nothing.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PatternError {
-    /// A value: its option, what was given, what is right.
+    /// A value: its option, the given text, the range.
     Value(&'static str, f64, String),
     /// The bed is narrower than this, mm.
     Narrow(f64),

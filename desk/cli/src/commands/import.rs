@@ -115,7 +115,7 @@ pub struct Arguments<'a> {
     pub assume: bool,
 }
 
-/// Makes a profile, writes it, and lists what was kept.
+/// Makes a profile, writes it, and lists the kept settings.
 ///
 /// # Errors
 /// The file is not a configuration or is that of a machine that profiles do not know, a printer

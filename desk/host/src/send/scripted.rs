@@ -1,4 +1,4 @@
-//! A printer for tests of what is sent.
+//! A printer for tests of the sent lines.
 
 use std::collections::VecDeque;
 use std::io;

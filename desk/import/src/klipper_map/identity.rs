@@ -4,7 +4,7 @@
 use super::Reading;
 
 impl Reading<'_> {
-    /// Notes each part of what the machine is that no setting says. To be called when all of
+    /// Notes each part of the machine's kind that no setting says. To be called when all of
     /// it has been read.
     pub(super) fn identity(&mut self) {
         for (file, line, name, why) in &self.config.missing {

@@ -9,7 +9,7 @@ fn not_told(name: &str) -> String {
 }
 
 impl Reading<'_> {
-    /// Notes what the configuration does not say of what the machine is.
+    /// Notes what the configuration omits about the machine's kind.
     pub(super) fn identity(&mut self) {
         for (file, line, name, why) in &self.definitions.missing {
             self.draft.unread(format!("{file}:{line}: #include \"{name}\" was not read: {why}"));

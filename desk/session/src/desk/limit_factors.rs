@@ -2,7 +2,7 @@
 
 use ferrostep_planner::Limits;
 
-/// Factors of a plan's limits, powers of two: for estimates of what another machine would take.
+/// Factors of a plan's limits, powers of two: for estimates of another machine's time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LimitFactors {
     /// Factor of all accelerations.

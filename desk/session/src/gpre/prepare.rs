@@ -46,7 +46,7 @@ pub struct Prepared {
     pub source_bytes: u64,
     /// Progress of reading the G-code.
     pub progress: JobProgress,
-    /// Counts of what it does.
+    /// Counts of its work.
     pub tally: Tally,
     /// Remarks for a person.
     pub remarks: Vec<Remark>,

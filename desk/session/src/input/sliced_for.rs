@@ -17,7 +17,7 @@ pub struct SlicedFor {
     height_mm: Option<f64>,
     /// Simplify3D's place of the origin on the bed, X and Y.
     origin_mm: [f64; 2],
-    /// Lower and upper end of what is printed, X, Y and Z.
+    /// Lower and upper end of the printed part, X, Y and Z.
     part_mm: [[Option<f64>; 2]; 3],
     /// The first comment whose value is no travel.
     unreadable: Option<String>,

@@ -175,8 +175,8 @@ impl Start {
         self.call.take()
     }
 
-    /// Takes a call for the machine's start. Returns a remark that says what was assumed; `None`:
-    /// other lines have homed and heated.
+    /// Takes a call for the machine's start. Returns a remark that says what the desk assumed;
+    /// `None`: other lines have homed and heated.
     ///
     /// # Errors
     /// The printer refuses a temperature.

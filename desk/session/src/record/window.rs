@@ -75,7 +75,7 @@ impl Cut {
         self.ended_ns = now_ns;
     }
 
-    /// Homing has ended: what was planned before is over.
+    /// Homing has ended: earlier plans are over.
     pub fn redefined(&mut self, now_ns: u64) {
         self.lines = Lines::default();
         self.ended_ns = now_ns;

@@ -15,7 +15,7 @@ pub enum Scaled {
     LargestSpeed,
     /// Accelerations.
     Acceleration,
-    /// Speeds of corners: jerk, square corner velocity, what a junction deviation allows.
+    /// Speeds of corners: by jerk, square corner velocity or junction deviation.
     Corner,
     /// Klipper's part of the acceleration for short moves: what the minimum cruise ratio leaves.
     ShortMove,

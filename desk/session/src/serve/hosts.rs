@@ -204,7 +204,7 @@ mod tests {
         }
     }
 
-    /// The page writes only while it owns the printer: what comes later was written
+    /// The page writes only while it owns the printer: later bytes were written
     /// before it let go.
     #[test]
     fn a_line_that_the_page_has_sent_is_read_after_it_has_let_go() {

@@ -91,7 +91,7 @@ fn residual_of_steps(steps: &[StepTime], hz: f64, damping: f64, until_s: f64) ->
     mode.ringing_mm(Motion::standing(place))
 }
 
-/// The step train of a shaped stop leaves what the theory says of the shaper, within 1 % of what an
+/// The step train of a shaped stop leaves the vibration that theory predicts, within 1 % of what an
 /// unshaped one leaves.
 ///
 /// The plan goes from rest to 300 mm/s and back to rest, within a third of a millisecond each:

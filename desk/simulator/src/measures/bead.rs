@@ -31,14 +31,14 @@ pub struct BeadReport {
     /// Corners: turns by more than 30 degrees between two printed moves without a stop.
     pub corners: u64,
     /// Volume at a beginning or an end of a line within 5 mm of path, mean of all, mm^3; includes
-    /// what comes out on travels.
+    /// the filament that leaves on travels.
     pub end_volume_mm3: f64,
     /// Beginnings and ends of lines, and stops in them.
     pub ends: u64,
     /// Sum of the volumes in between, mm^3.
     pub elsewhere_volume_mm3: f64,
-    /// Sum of what came out while no line was printed, on travels and at stops for filament, mm^3;
-    /// also counted above.
+    /// Filament that came out while no line was printed, on travels and at stops for filament,
+    /// mm^3; also counted above.
     pub oozed_volume_mm3: f64,
 }
 

@@ -1,4 +1,4 @@
-//! The parts of what is held, in the order of time: stages of filament along legs, legs without
+//! The parts of the held moves, in the order of time: stages of filament along legs, legs without
 //! filament, filament alone.
 
 use super::super::block_rules::{PartLimits, Travel};
@@ -40,7 +40,7 @@ impl FilamentMove {
         }
     }
 
-    /// Next part of the filament move, `filament_mm` long, in units of 0.1 nm, after what is done
+    /// Next part of the filament move, `filament_mm` long, in units of 0.1 nm, after the parts done
     /// of it; `is_last`: all that is left.
     fn part_100pm(&self, filament_mm: f32, done_100pm: i64, is_last: bool) -> i64 {
         let left_100pm = self.filament_100pm.wrapping_sub(done_100pm);
@@ -64,7 +64,7 @@ impl FilamentMove {
 }
 
 impl Held {
-    /// The next part, and what comes after it; `None` after the last one.
+    /// The next part and its successor; `None` after the last one.
     #[inline(never)]
     pub(super) fn next_part(&self) -> Option<(Part, Next)> {
         let mut next = self.next;

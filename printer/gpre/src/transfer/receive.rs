@@ -4,7 +4,7 @@ use super::frame::{Kind, MAX_DATA_BYTES};
 use super::report::{Report, Word};
 use super::wire::{Taken, Unwrap};
 
-/// The host may be this far ahead of what it knows to have arrived, bytes. As frames they fit into
+/// Maximum lead of the host over the bytes it knows to have arrived. As frames they fit into
 /// the ring between a port's interrupt and its reader, so that a reader that is late loses nothing.
 const WINDOW_BYTES: u32 = 1024;
 

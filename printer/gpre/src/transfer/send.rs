@@ -98,7 +98,7 @@ impl Sender {
         Some(frame)
     }
 
-    /// Asks the board what it has; sent after some time without an answer.
+    /// Asks the board which bytes it has; sent after some time without an answer.
     pub fn question(&self) -> Vec<u8> {
         to_wire(Kind::Question, self.next as u32, &[])
     }

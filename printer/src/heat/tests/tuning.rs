@@ -220,7 +220,7 @@ fn tuned_heaters_overshoot_by_two_degrees_at_most_and_stay() {
     keep("autotune.svg", &chart::svg(&chart, &rows), &[("tuned", &table)]);
 }
 
-/// File with the tables of what is measured on models.
+/// File with the tables of measurements on models.
 fn tables_page() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/heaters.md")
 }

@@ -89,7 +89,7 @@ pub fn delete_upload(line: &mut PrinterLine, name: &str) {
     }
 }
 
-/// Sends commands and M105, and hears up to its answer: what was said.
+/// Sends commands and M105, and returns the lines heard up to its answer.
 fn hear_to_the_end(line: &mut PrinterLine, commands: &str) -> Vec<String> {
     let end = Instant::now() + ANSWERS;
     let mut said = Vec::new();

@@ -20,7 +20,7 @@ fn sent(heard: Vec<String>) -> Vec<String> {
     of_job.map(|line| line.split('*').next().unwrap().to_owned()).collect()
 }
 
-/// Sends two commands and a comment; the outcome, and what was sent after the first line.
+/// Sends two commands and a comment; the outcome, and the lines sent after the first.
 fn send(answer: impl FnMut(&str, usize) -> Vec<&'static str>) -> (Result<Outcome, SendError>, Vec<String>) {
     let mut port = printer(answer);
     let mut lines = ["G28 ; home", "", "; hop", "  G1 X5"].into_iter().map(|line| Ok(line.as_bytes().to_vec()));

@@ -1,4 +1,4 @@
-//! Tests of what the chip measures on a frame.
+//! Tests of the chip's measurements on a frame.
 
 use ferrostep_planner::Kinematics;
 
