@@ -49,7 +49,7 @@ static PACKING: [AtomicU8; 2] = [AtomicU8::new(0), AtomicU8::new(0)];
 static IS_AWAITED: AtomicBool = AtomicBool::new(false);
 /// Start of that wait, or arrival of the last byte; ticks of the motion clock.
 static QUIET_SINCE: AtomicU32 = AtomicU32::new(0);
-/// Bytes have come.
+/// Bytes have arrived.
 static RECEIVED: Signal<()> = Signal::new();
 
 /// All reports on packing.
@@ -107,7 +107,7 @@ impl Buffers for SerialRing {
 
 impl SerialInput {
     /// Input to this ring; `act` is what to do about M112 and its like, `note_line` what to do when
-    /// a line has come.
+    /// a line has arrived.
     pub const fn new(bytes: Producer<'static, u8>, act: fn(Emergency), note_line: fn()) -> Self {
         Self { incoming: Incoming::new(), ring: SerialRing { bytes, act, note_line } }
     }

@@ -150,8 +150,8 @@ impl<H: Mutex<T = Heat>> BoardHeating<H> {
         self.0.borrow_mut().lock(|heat| heat.fault())
     }
 
-    /// Switches unused heaters off when their time is over, unless a line has come since. Looks and
-    /// switches under one lock, so that no command sets a target in between. Tells the hosts.
+    /// Switches unused heaters off when their time is up, unless a line has arrived since. Looks
+    /// and switches under one lock, so that no command sets a target in between. Tells the hosts.
     pub fn follow<W: Mutex<T = Writers>>(&self, rest: &HeaterRest, signals: &Signals, replies: &BoardReplies<W>) {
         let goes_on = matches!(rest, HeaterRest::Over { .. })
             && self.0.borrow_mut().lock(|heat| {
@@ -323,7 +323,7 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
         }
     }
 
-    /// Says how many bytes came too fast, and that the USB port is gone, if so.
+    /// Reports the bytes that came too fast, and a lost USB port.
     pub fn line_troubles(&self, LineTroubles { lost_bytes, usb_has_failed }: LineTroubles) {
         if lost_bytes > 0 {
             self.line(format_args!("echo:serial: {lost_bytes} bytes lost"));

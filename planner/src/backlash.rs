@@ -34,7 +34,7 @@ impl Backlash {
     /// No play.
     pub const NONE: Self = Self { play_mm: [0.0; 3], correction: 1.0, smoothing_mm: Self::SMOOTHING_MM };
 
-    /// The largest play of an axis, mm. What has more is to be mended.
+    /// The largest play of an axis, mm. A machine with more needs repair.
     pub const MAX_MM: f64 = 2.0;
 
     /// The longest way, mm.

@@ -114,7 +114,7 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         self.ring.first_not_final().map(|waiting| &waiting.block)
     }
 
-    /// Lets the final places leave although the ring is not full. That changes no speed,
+    /// Releases the final places although the ring is not full. That changes no speed,
     /// whenever it is done.
     pub fn release_final(&mut self) {
         self.ring.release_final();
@@ -155,12 +155,12 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         }
     }
 
-    /// Lets motion stop after the newest block; all blocks and markers may leave.
+    /// Stops motion after the newest block; all blocks and markers may leave.
     pub fn flush(&mut self) {
         self.ring.flush();
     }
 
-    /// Lets one more leave although the ring is not full, because steps run out.
+    /// Releases one more block although the ring is not full, because steps run out.
     pub fn release(&mut self) {
         self.ring.release();
     }

@@ -253,7 +253,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.close_open_block() && self.queue.push_marker(Marker::FanPower { fan, power })
     }
 
-    /// Lets motion end with the last move taken; everything in the look-ahead ring may leave.
+    /// Ends motion with the last move taken; everything in the look-ahead ring may leave.
     pub fn flush(&mut self) {
         self.flushing = true;
         // Now, not when there is room for it: the move before is not known any more then. What is
@@ -267,7 +267,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         }
     }
 
-    /// Lets motion end with the last move planned.
+    /// Ends motion with the last move planned.
     #[inline(always)]
     fn stop(&mut self) {
         // A stop stays one.
@@ -275,7 +275,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.previous.acceleration = CornerAcceleration::ZERO;
     }
 
-    /// Lets the oldest block leave with its present speeds, because the step queue runs low and no
+    /// Releases the oldest block with its present speeds, because the step queue runs low and no
     /// input is at hand.
     pub fn release(&mut self) {
         if !self.is_look_ahead_empty() && !self.queue.can_leave() {
@@ -314,7 +314,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         block.map_or(0, |block| block.nominal.ticks_for(block.length_10nm))
     }
 
-    /// Lets the blocks leave look-ahead whose speeds no later block can change; returns whether
+    /// Releases from look-ahead the blocks whose speeds no later block can change; returns whether
     /// there are any. The plan does not depend on whether, and when, that is done.
     pub fn release_final(&mut self) -> bool {
         let is_final = self.queue.is_first_final();

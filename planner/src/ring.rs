@@ -291,18 +291,18 @@ impl<S: RingMemory> Ring<S> {
         })
     }
 
-    /// Lets the final places leave although the ring is not full.
+    /// Releases the final places although the ring is not full.
     pub(crate) fn release_final(&mut self) {
         self.released = self.released.max(self.final_places);
     }
 
-    /// Lets motion stop after the newest block; all blocks and markers may leave.
+    /// Stops motion after the newest block; all blocks and markers may leave.
     pub(crate) fn flush(&mut self) {
         self.stopped = true;
         self.released = self.length;
     }
 
-    /// Lets one more leave although the ring is not full, because steps run out.
+    /// Releases one more block although the ring is not full, because steps run out.
     pub(crate) fn release(&mut self) {
         self.released = (self.released + 1).min(self.length);
     }

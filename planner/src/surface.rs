@@ -41,7 +41,7 @@ pub trait Bed: Debug {
     /// True if Z follows the mesh.
     fn is_on(&self) -> bool;
 
-    /// Lets Z follow the mesh, or stops it, at standstill; [`Self::stand`] comes next. Returns the
+    /// Makes Z follow the mesh, or stops it, at standstill; [`Self::stand`] comes next. Returns the
     /// limits of blocks.
     ///
     /// # Errors

@@ -133,7 +133,7 @@ struct Checker {
     /// Blocks that went in and have not come out, with the corner before each.
     waiting: std::collections::VecDeque<(Block, Speed)>,
     speed: Speed,
-    /// Path of the present run, and the part of it that has come.
+    /// Path of the present run, and the part of it that has arrived.
     run: Option<(Part, u32)>,
     runs: u64,
     blocks: u64,

@@ -123,7 +123,8 @@ pub trait Motion {
     fn mesh<T>(&mut self, _act: impl FnOnce(&mut Mesh) -> T) -> Option<T> {
         None
     }
-    /// Lets Z follow the bed, or stops it, at standstill ([`crate::machine::Machine::follow_bed`]).
+    /// Makes Z follow the bed, or stops it, at standstill
+    /// ([`crate::machine::Machine::follow_bed`]).
     ///
     /// # Errors
     /// [`MeshError`]; Z does not follow the bed then.

@@ -49,7 +49,7 @@ fn variable(name: &str) -> Option<String> {
     env::var(name).ok()
 }
 
-/// Lets the build script run again when a file changes that is not built in.
+/// Reruns the build script when a file changes that is not built in.
 fn watch(name_or_path: &str, builtin: impl Fn(&str) -> Option<&'static str>) {
     if builtin(name_or_path).is_none() {
         println!("cargo:rerun-if-changed={name_or_path}");

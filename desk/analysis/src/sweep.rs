@@ -254,7 +254,7 @@ fn machine(table: &Table, name: &str, asked: Option<PlannedBy>) -> Result<RuledM
     })
 }
 
-/// Lets the deviation at corners follow a changed acceleration where the profile has the speed of
+/// Makes the deviation at corners follow a changed acceleration where the profile has the speed of
 /// corners, as M204 does.
 fn hold_corner_speed(table: &mut Table, keys: &[String]) {
     let number = |value: &Value| value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64));

@@ -20,7 +20,7 @@ pub(crate) struct Heatshrink {
     window_bits: u8,
     /// Place of the next byte in the window.
     head: usize,
-    /// Bits that have come and are not used yet, the lowest `held` of them.
+    /// Bits that have arrived and are not used yet, the lowest `held` of them.
     bits: u32,
     held: u8,
     /// The first bit of the next item: a literal, or a repetition.

@@ -6,7 +6,7 @@
 //!
 //! [`Decoder`] takes the file's bytes in portions of any size and gives out what the blocks
 //! contain. It does no reading itself, so it serves a blocking reader, an asynchronous one, and
-//! bytes in memory alike:
+//! bytes in memory in the same way:
 //!
 //! ```
 //! use ferrostep_binary_gcode::{BlockKind, Decoder, Progress, Selection};

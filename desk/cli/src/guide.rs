@@ -37,7 +37,7 @@ fn is_plain(name: &str) -> bool {
         && name.chars().all(|char| char.is_ascii_alphanumeric() || matches!(char, '.' | '_' | '-'))
 }
 
-/// The guide. `names`: those of the files at hand, the preferred first.
+/// The guide. `names`: those of the available files, the preferred first.
 fn text(names: &[String]) -> String {
     let plain = || names.iter().map(String::as_str).filter(|name| is_plain(name));
     let job = plain().find(|name| JOBS.iter().any(|end| name.ends_with(end))).unwrap_or("FILE.gcode");

@@ -9,11 +9,11 @@ use ferrostep_black_box::{END, PREFIX};
 /// Reason for which lines are not a black box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LinesError {
-    /// A line that is not as it should be.
+    /// A damaged line.
     Damaged(u32),
-    /// A line that should have come before.
+    /// A line that is missing before this one.
     Missing(u32),
-    /// The last line has not come.
+    /// The last line has not arrived.
     Unfinished,
     /// No line belongs to a black box.
     None,

@@ -144,7 +144,7 @@ impl Rrf {
         total_s < WAITING_S || total_s - first_s.unwrap_or(0.0) < WAITING_BESIDES_FIRST_S
     }
 
-    /// Lets the move that runs come to its end, and fixes the moves that are due.
+    /// Brings the running move to its end, and fixes the moves that are due.
     fn run(&mut self, released: &mut Vec<PlannedMove>) {
         self.prepared_s.pop_front();
         let mut ahead_s: f64 = self.prepared_s.iter().sum();

@@ -56,7 +56,7 @@ pub struct RecordLine {
     pub line: Option<u32>,
     /// The record in words.
     pub text: String,
-    /// Place in the source, for last words with an address, if the image is at hand.
+    /// Place in the source, for last words with an address, if the image is available.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub place: Option<String>,
 }

@@ -61,7 +61,7 @@ pub struct Phase {
     pub seconds: f64,
     /// Speeds at its start and its end, mm/s.
     pub speeds_mm_per_s: [f64; 2],
-    /// Name of the limit that holds for most of it.
+    /// Name of the limit that holds for most of the phase.
     pub limit: &'static str,
 }
 

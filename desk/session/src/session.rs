@@ -132,7 +132,7 @@ impl<R: Replies> Session<RulesReader, R> {
 }
 
 impl<D: Desk<State = RefCell<QueueMachine>>, R> Session<D, R> {
-    /// Lets the sensor with which X (0), Y (1) or Z (2) homes fail, or mends it.
+    /// Makes the sensor with which X (0), Y (1) or Z (2) homes fail, or mends it.
     pub fn set_end_stop_failure(&self, axis: usize, failure: Option<EndStopFailure>) {
         self.desk.state().borrow_mut().queue_mut().motors_mut().set_end_stop_failure(axis, failure);
     }
@@ -211,7 +211,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
         Ref::map(self.heat.borrow(), DeskHeat::heaters)
     }
 
-    /// Lets a heater fail, or mends it.
+    /// Makes a heater fail, or mends it.
     pub fn set_heater_failure(&self, heater: Heater, failure: Option<HeaterFailure>) {
         self.heat.borrow_mut().set_failure(heater, failure);
     }
@@ -307,7 +307,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
         self.run_with(future, |_| {})
     }
 
-    /// Lets time pass until the last command's wait is over, for motion or for a moment.
+    /// Advances time until the last command's wait is over, for motion or for a moment.
     /// Motion does not continue while a command waits for a moment, so that the plan does not
     /// depend on such waits.
     ///

@@ -71,7 +71,7 @@ impl Mode {
         }
     }
 
-    /// Lets a time pass during which the command moves on from `command` with its
+    /// Advances time while the command moves on from `command` with its
     /// acceleration held.
     pub fn advance(&mut self, time_s: f64, command: Motion) {
         let (start, end) = (self.steady(command), self.steady(command.after(time_s)));
@@ -221,7 +221,7 @@ impl Frame {
         Ok(Self { axes: [axis(x)?, axis(y)?] })
     }
 
-    /// Lets a time pass during which the motors move X and Y on from `command` with their
+    /// Advances time while the motors move X and Y on from `command` with their
     /// accelerations held.
     pub fn advance(&mut self, time_s: f64, command: [Motion; 2]) {
         for (axis, command) in self.axes.iter_mut().zip(command) {

@@ -125,7 +125,8 @@ impl Nozzle {
         }
     }
 
-    /// Lets a time pass during which this is pushed in, mm^3/s; returns what has come out, mm^3.
+    /// Advances time while filament is pushed in, mm^3/s; returns the volume that has come out,
+    /// mm^3.
     pub fn advance(&mut self, time_s: f64, feed_mm3_per_s: f64) -> f64 {
         let before_mm3 = self.compressed_mm3;
         let mut left_s = time_s;

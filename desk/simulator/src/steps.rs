@@ -293,7 +293,7 @@ impl StepSimulation {
         self.path.restart(time_s, after_mm, self.motors[3] as f64 * self.mm_per_step[3], &mut self.measures);
     }
 
-    /// Lets the frame ring on to a time, with a sample at each multiple of their distance.
+    /// Simulates the ringing frame up to a time, with a sample at each multiple of their distance.
     fn pass_to(&mut self, until_s: f64) {
         let command = self.command();
         loop {

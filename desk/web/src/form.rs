@@ -19,12 +19,12 @@ const MAX_WORD_BYTES: u64 = 256;
 /// Longest name of a file, bytes.
 const MAX_NAME_BYTES: usize = 200;
 
-/// A form that has come whole.
+/// A form that has arrived completely.
 #[derive(Debug)]
 pub struct Form {
     /// The file.
     pub upload: Upload,
-    /// True if it is to be printed at once.
+    /// True if the file must be printed at once.
     pub prints: bool,
 }
 

@@ -93,7 +93,7 @@ impl fmt::Display for Refusal {
 
 impl std::error::Error for Refusal {}
 
-/// A file that has come whole. It is deleted when this is dropped.
+/// A file that has arrived completely. It is deleted when this is dropped.
 #[derive(Debug)]
 pub struct Upload {
     /// Name of the file as the client says it, without control characters; for show, never a path.

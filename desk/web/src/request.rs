@@ -43,7 +43,7 @@ pub struct Request {
 }
 
 impl Request {
-    /// Reads a head. `Ok(None)`: the client has gone without a word.
+    /// Reads a head. `Ok(None)`: the client has gone without sending anything.
     ///
     /// # Errors
     /// The answer to input that is not a request, is too long or too slow.

@@ -397,7 +397,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         next.wrapping_add(filled.count() as u32)
     }
 
-    /// Lets the past begin here, at standstill.
+    /// Makes the past begin here, at standstill.
     pub fn forget_past(&self) {
         self.marks.forget(self.next.load());
     }

@@ -72,7 +72,7 @@ impl VirtualUpdateTimer {
         self.period_start.get() + (u64::from(self.active.get()) + 1) * CYCLES_A_TICK
     }
 
-    /// Lets time pass, with the updates that fall into it.
+    /// Advances time, with the updates that fall into it.
     pub fn pass_to(&self, cycle: u64) {
         while self.next_at() <= cycle {
             self.period_start.set(self.next_at());
@@ -90,12 +90,12 @@ impl VirtualUpdateTimer {
         self.now.set(self.now.get().max(cycle));
     }
 
-    /// Lets some cycles pass.
+    /// Advances by some cycles.
     pub fn pass(&self, cycles: u64) {
         self.pass_to(self.now.get() + cycles);
     }
 
-    /// Lets time pass to the next update, unless one waits to be served.
+    /// Advances time to the next update, unless one waits to be served.
     pub fn next_update(&self) {
         if !self.latched.get() {
             self.pass_to(self.next_at());

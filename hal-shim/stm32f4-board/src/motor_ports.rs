@@ -48,7 +48,7 @@ unsafe impl Send for MotorPort {}
 unsafe impl Sync for MotorPort {}
 
 impl MotorPort {
-    /// The port of an index: 0 is A (RM0090 2.3 and 8.4.7: all ports are alike).
+    /// The port of an index: 0 is A (RM0090 2.3 and 8.4.7: all ports have the same layout).
     ///
     /// # Safety
     /// The caller may write to the pins that it will write to.

@@ -40,7 +40,7 @@ impl Serial {
         Self { usart }
     }
 
-    /// The byte that has come, if one has. A byte lost before it (overrun) shows in the
+    /// The byte that has arrived, if any. A byte lost before it (overrun) shows in the
     /// line's checksum.
     #[inline]
     pub fn receive(&mut self) -> Option<u8> {

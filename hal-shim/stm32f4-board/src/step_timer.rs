@@ -83,7 +83,7 @@ impl Timer {
     }
 }
 
-/// Lets TIM9 count the updates of TIM2, modulo 2^15. Without a TIM9 (in an emulator)
+/// Makes TIM9 count the updates of TIM2, modulo 2^15. Without a TIM9 (in an emulator)
 /// there is no count.
 ///
 /// Slave of TIM2: external clock mode 1 on ITR0 (RM0090 19.4.3, SMS 111, TS 000; table 99:

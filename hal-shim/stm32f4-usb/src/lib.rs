@@ -99,7 +99,7 @@ pub struct Usb {
 /// The result of an interrupt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Served {
-    /// Received bytes that were dropped for want of room.
+    /// Received bytes that were dropped for lack of room.
     pub dropped: u32,
     /// The controller has reported a speed that it does not have, and the port has left
     /// the bus for good.

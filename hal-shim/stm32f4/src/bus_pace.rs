@@ -4,6 +4,6 @@
 pub trait BusPace {
     /// Shortest time that half of a clock's period lasts, ns.
     const HALF_PERIOD_NS: u32;
-    /// Lets half of a period pass.
+    /// Waits for half of a period.
     fn half_period(&mut self);
 }

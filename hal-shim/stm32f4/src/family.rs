@@ -1,4 +1,4 @@
-//! Families of chips that start alike.
+//! Families of chips that start in the same way.
 
 /// A family of chips with the same registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -35,7 +35,7 @@ impl Task {
     }
 }
 
-/// Tasks that have shown life of late.
+/// Tasks that have recently shown life.
 #[derive(Debug, Default)]
 pub struct LifeSigns(AtomicU8);
 

@@ -149,7 +149,7 @@ impl SoftwareSerial {
         !self.is_sending() && self.receiver.ticks.is_none()
     }
 
-    /// Line in use, whose pin is to be sampled and driven.
+    /// Line in use, whose pin is sampled and driven.
     #[must_use]
     pub const fn line(&self) -> u8 {
         self.line

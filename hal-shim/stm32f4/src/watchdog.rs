@@ -80,13 +80,13 @@ impl Watchdog {
     }
 }
 
-/// Lets it wait for 5.5 s or more, whether it runs or not: an erasure of flash keeps the
+/// Makes the watchdog wait for 5.5 s or more, whether it runs or not: an erasure of flash keeps the
 /// processor for up to 2 s.
 pub(crate) fn wait_longer(registers: &mut impl Registers) {
     set_count(LONG_COUNT, registers);
 }
 
-/// Lets it wait as long as it does after [`Watchdog::start`].
+/// Makes the watchdog wait as long as after [`Watchdog::start`].
 pub(crate) fn wait_as_usual(registers: &mut impl Registers) {
     set_count(COUNT, registers);
 }

@@ -61,7 +61,7 @@ pub struct DriverBank<const N: usize = MOTORS> {
 }
 
 impl<const N: usize> DriverBank<N> {
-    /// Drivers that are to be set up; `None` for a motor without one.
+    /// Drivers to set up; `None` for a motor without one.
     #[must_use]
     pub fn new(drivers: [Option<(DriverSettings, DriverWiring)>; N], timing: LineTiming, now_ticks: u32) -> Self {
         let drivers = drivers.map(|driver| driver.map(|(settings, wiring)| Driver::new(settings, wiring)));

@@ -95,7 +95,7 @@ pub(super) struct Driver {
 }
 
 impl Driver {
-    /// A driver that is to be set up.
+    /// A driver that still has to be set up.
     pub(super) fn new(settings: DriverSettings, wiring: DriverWiring) -> Self {
         let mut driver = Self {
             wiring,
@@ -158,7 +158,7 @@ impl Driver {
         Ok(())
     }
 
-    /// Reads its chip's state, or sets it up again. To be called when its time has come.
+    /// Reads the chip's state, or sets it up again. Call it when it is due.
     pub(super) fn look(&mut self) {
         match self.state {
             DriverState::Confirmed => self.go(Step::ReadReset),

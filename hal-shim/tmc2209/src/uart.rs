@@ -72,7 +72,7 @@ impl LineBytes {
         self.sent = self.length.min(self.sent + 1);
     }
 
-    /// Keeps a byte that has come; a byte too many is lost, and the checksum shows it.
+    /// Keeps a received byte; a byte too many is lost, and the checksum shows it.
     pub fn keep(&mut self, byte: u8) {
         if let Some(place) = self.received.get_mut((self.first + self.waiting) % RECEIVED)
             && self.waiting < RECEIVED
@@ -82,7 +82,7 @@ impl LineBytes {
         }
     }
 
-    /// Takes the first of the bytes that have come.
+    /// Takes the first of the received bytes.
     pub fn take(&mut self) -> Option<u8> {
         self.waiting = self.waiting.checked_sub(1)?;
         let byte = self.received.get(self.first).copied();

@@ -44,7 +44,7 @@ impl Bench {
         Self { bank: DriverBank::new(drivers, TIMING, start), lines, now: start }
     }
 
-    /// Lets time pass; returns the events.
+    /// Advances time; returns the events.
     fn pass(&mut self, us: u32) -> Vec<DriverEvent> {
         let end = self.now.wrapping_add(us);
         let mut events = Vec::new();

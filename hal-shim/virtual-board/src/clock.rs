@@ -21,7 +21,7 @@ impl VirtualClock {
         self.now_ns.get()
     }
 
-    /// Lets time pass up to `ns`; it never goes back.
+    /// Advances time to `ns`, never back.
     pub fn advance_to(&self, ns: u64) {
         self.now_ns.set(self.now_ns.get().max(ns));
     }

@@ -27,7 +27,7 @@ const REPLY_DELAY_BITS: u32 = 24;
 pub struct VirtualDriverLines {
     chips: [Option<(u8, DriverChip)>; MOTORS],
     bit_ticks: u32,
-    /// Bytes and when they have come.
+    /// Bytes and their times of arrival.
     under_way: [(u32, u8); UNDER_WAY],
     first: usize,
     count: usize,

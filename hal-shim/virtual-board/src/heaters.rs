@@ -107,7 +107,7 @@ impl VirtualHeaters {
         }
     }
 
-    /// Lets the heaters and what they heat run for a while, at most a second or so at a time.
+    /// Runs the heaters and the heated parts for a while, at most a second or so at a time.
     pub fn advance(&mut self, seconds: f32) {
         let has_supply = self.has_supply;
         let part_power = if has_supply { self.fan_powers[FanOutput::Part.index()] } else { 0 };
@@ -128,7 +128,7 @@ impl VirtualHeaters {
         }
     }
 
-    /// Lets a heater fail, or mends it. A thermistor that was mended reads right from
+    /// Makes a heater fail, or mends it. A thermistor that was mended reads right from
     /// the next moment on.
     pub fn set_failure(&mut self, heater: Heater, failure: Option<HeaterFailure>) {
         if let Some(heater) = self.heater_mut(heater) {

@@ -93,7 +93,7 @@ impl VirtualMotors {
         }
     }
 
-    /// Lets the sensor that homes X (0), Y (1) or Z (2) fail, or mends it.
+    /// Makes the sensor that homes X (0), Y (1) or Z (2) fail, or mends it.
     pub fn set_end_stop_failure(&mut self, axis: usize, failure: Option<EndStopFailure>) {
         if let Some(of_axis) = self.failures.get_mut(axis) {
             *of_axis = failure;

@@ -3,7 +3,7 @@
 use super::widths::{FromQuotient, Widths};
 use ferrostep_planner::bresenham::Slope;
 
-/// Steps of a line that are alike, but for the last where the stair is whole.
+/// Equal steps of a line, except the last where the stair is whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stair {
     /// Steps of the major axis, at least 1.

@@ -37,7 +37,7 @@ struct Drive {
     /// Steps by which the motor should be ahead of the plan (`wanted`) and by which it is (`made`).
     wanted: i32,
     made: i32,
-    /// The way until the next step that takes up play; below 0 it is over.
+    /// Path until the next step that takes up play; below 0 it is past.
     left_10nm: i32,
     /// The time since the last one.
     since_ticks: u32,
@@ -396,7 +396,7 @@ impl BacklashStage {
         due
     }
 
-    /// Lets these motors make a step that takes up play.
+    /// Makes these motors take a step that takes up play.
     #[inline(never)]
     fn take_up(&mut self, axes: u8) {
         for (motor, drive) in self.drives.iter_mut().enumerate() {

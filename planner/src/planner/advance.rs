@@ -70,8 +70,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         }
     }
 
-    /// True if the plan has come to standstill, and the motors have not: the content of the filters
-    /// is to be executed.
+    /// True if the plan is at standstill and the motors are not: the content of the filters
+    /// must still be executed.
     fn must_rest(&self) -> bool {
         self.shaped.is_in_motion() && self.exit == Speed::ZERO && self.is_look_ahead_empty()
     }

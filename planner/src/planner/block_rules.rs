@@ -44,7 +44,7 @@ pub(crate) struct Previous {
     pub unended_line: Option<u32>,
     /// Length of the travel that it is a part of, units of 10 nm; 0 if it is not part of one.
     pub whole_10nm: f32,
-    /// No filter sees a path before its end any more.
+    /// True once no filter sees the path before this move's end.
     pub is_forgotten: bool,
 }
 

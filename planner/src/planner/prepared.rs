@@ -165,7 +165,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         true
     }
 
-    /// Lets everything in the ring leave; returns true if it is empty.
+    /// Releases everything in the ring; returns true if it is empty.
     fn drain(&mut self) -> bool {
         let empty = self.is_look_ahead_empty();
         if !empty && !self.queue.is_switching {

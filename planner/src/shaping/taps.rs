@@ -420,7 +420,7 @@ mod tests {
 
     #[test]
     fn a_delay_is_as_small_as_its_fields() {
-        // The boards' memory has little room: what is larger is to be known.
+        // The boards' memory has little room: a larger type must be noticed.
         assert_eq!(size_of::<Tap>(), 64);
     }
 

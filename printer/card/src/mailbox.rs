@@ -147,7 +147,7 @@ pub struct Mailbox {
     kept: Kept,
     /// The place before [`Self::kept`], if that is not to be relied on yet.
     aside: Kept,
-    /// [`Self::kept`] is to be written.
+    /// [`Self::kept`] must be written.
     keeps: bool,
     /// The place could not be written.
     keep_failure: Option<CardFailure>,

@@ -332,7 +332,7 @@ impl<S: CardSlot> CardServer<S> {
             // A block that may be damaged is not the one to write next.
             (kept, _) => *kept = None,
         }
-        // Reading tells by itself that the card is gone.
+        // Reading already reports that the card is gone.
         self.manager.device(|guard| guard.take_failed());
         if let Err(error) = written {
             mailbox.with(|mailbox| mailbox.fail_keeping(error.into()));

@@ -60,7 +60,7 @@ impl Incoming {
         }
     }
 
-    /// Takes in a packet. Returns how many bytes were dropped for want of room; of a line that did
+    /// Takes in a packet. Returns how many bytes were dropped for lack of room; of a line that did
     /// not fit, its part in the ring is broken off as well.
     pub fn take_in(&mut self, packet: &[u8], buffers: &mut impl Buffers) -> u32 {
         let mut dropped = 0;

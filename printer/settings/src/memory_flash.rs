@@ -57,7 +57,7 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>, const SECTOR: usize> MemoryFlash<B, SECTOR> {
         Self { bytes, cut: None, operations: 0, erasures: 0 }
     }
 
-    /// Lets the power go.
+    /// Cuts the power.
     #[must_use]
     pub fn with_cut(self, cut: Cut) -> Self {
         Self { cut: Some(cut), ..self }

@@ -98,8 +98,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Lets Z follow the mesh, or stops it, at standstill: the motors stay, and the position's Z is
-    /// that above the mesh or without it.
+    /// Makes Z follow the mesh, or stops it, at standstill: the motors stay, and the position's Z
+    /// is that above the mesh or without it.
     #[inline(never)]
     pub(crate) fn switch_bed(&mut self, on: bool) -> Result<(), MeshError> {
         // Within 5 m.

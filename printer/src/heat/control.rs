@@ -220,7 +220,7 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         self.models()?.model(heater)
     }
 
-    /// Lets models control the heaters that have one.
+    /// Makes models control the heaters that have one.
     pub fn set_models(&mut self, model: impl Fn(Heater) -> Option<HeaterModel>) {
         for heater in Heater::ALL {
             if let Some(model) = model(heater) {
@@ -229,7 +229,7 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// Lets a model control a nozzle or the bed from the next [`Self::update`] on, or changes it.
+    /// Makes a model control a nozzle or the bed from the next [`Self::update`] on, or changes it.
     /// The caller keeps it within its ranges.
     pub fn set_model(&mut self, heater: Heater, model: HeaterModel) {
         if let Some(models) = M::get_mut(&mut self.models) {

@@ -137,7 +137,7 @@ impl Rig {
         (fault, (self.samples - since) as f32 / SAMPLES_A_S as f32)
     }
 
-    /// Lets a heater fail now.
+    /// Makes a heater fail now.
     fn fail(&mut self, heater: Heater, failure: HeaterFailure) -> &mut Self {
         self.board.set_failure(heater, Some(failure));
         self

@@ -211,8 +211,8 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.planner.motion_ticks() - self.homing_time.ticks()
     }
 
-    /// Lets the move just taken end where the sensor of `axis` triggers. The machine must have been
-    /// at standstill before that move.
+    /// Makes the move just taken end where the sensor of `axis` triggers. The machine must have
+    /// been at standstill before that move.
     pub fn begin_seek(&mut self, axis: usize) {
         self.begin_homing();
         self.planner.set_unshaped(true);
@@ -287,7 +287,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.feeder.bed.is_on()
     }
 
-    /// Lets Z follow the mesh of the bed, or stops it, at standstill. The motors stay: the
+    /// Makes Z follow the mesh of the bed, or stops it, at standstill. The motors stay: the
     /// position's Z becomes that above the mesh, or without it.
     ///
     /// # Errors

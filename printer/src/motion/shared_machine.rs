@@ -50,7 +50,7 @@ pub trait SharedMachine {
     /// Returns true if M112 has stopped everything.
     fn is_halted(&self) -> bool;
 
-    /// Lets a little time pass before a command that waits for motion looks again.
+    /// Advances time a little before a command that waits for motion looks again.
     fn pause(&self) -> impl Future<Output = ()>;
 }
 

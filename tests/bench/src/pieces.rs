@@ -111,7 +111,7 @@ fn relative(extruded_100pm: &mut i64, text: &str) -> Result<Move, &'static str> 
     Ok(Move { target_10nm, filament_100pm, feed_mm_per_s: 20.0, line: 0, ends_move: true })
 }
 
-/// Lets blocks leave until one more fits.
+/// Releases blocks until one more fits.
 fn make_room(planner: &mut BenchPlanner<'_>, queue: &mut PrintQueue) -> Result<(), &'static str> {
     loop {
         let outcome = advance(planner, queue, Goal::OneBlock);

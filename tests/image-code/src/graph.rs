@@ -29,7 +29,7 @@ impl Graph {
         self.costs[node] = cost;
     }
 
-    /// Lets a node follow another.
+    /// Makes a node follow another.
     pub fn connect(&mut self, from: usize, to: usize) {
         self.next[from].push(to);
     }

@@ -239,7 +239,7 @@ impl Conversation {
         }
     }
 
-    /// Lets time pass until this instant; lines that arrive meanwhile are kept.
+    /// Advances time to this instant; lines that arrive meanwhile are kept.
     ///
     /// # Errors
     /// The run has ended; the text says why.

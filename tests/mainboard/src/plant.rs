@@ -359,7 +359,7 @@ impl Plant {
         &mut self.wires
     }
 
-    /// Lets time pass. True if [`Plant::voltages`] is due.
+    /// Advances time. True if [`Plant::voltages`] is due.
     pub fn advance(&mut self, now_ns: u64) -> bool {
         if self.motor_rail.advance(now_ns) {
             let on = self.motor_rail.on();

@@ -171,7 +171,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         more
     }
 
-    /// Lets time pass up to a cycle; the executor is idle.
+    /// Advances time to a cycle; the executor is idle.
     fn pass_to(&self, cycle: u64) {
         while self.next_plan.get() <= cycle {
             self.interrupts.pass_to(self.next_plan.get());
@@ -181,7 +181,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.clock.advance_to(to_ns(self.now()));
     }
 
-    /// Lets the executor work for this many cycles; the planner task's time is added.
+    /// Runs the executor for this number of cycles; the planner task's time is added.
     fn work_for(&self, cycles: u64) {
         let mut end = self.now() + cycles;
         while self.next_plan.get() <= end {
@@ -193,7 +193,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.pass_to(end);
     }
 
-    /// Lets the executor wait for a line that comes at a cycle.
+    /// Makes the executor wait for a line that comes at a cycle.
     pub fn wait_for_line(&self, cycle: u64) {
         self.awaits_since.set(Some(self.now()));
         self.pass_to(cycle);
@@ -267,7 +267,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         Ok(())
     }
 
-    /// Lets M108, M112 or M410 come at a cycle; the interrupt that receives it acts on it, whatever
+    /// Sends M108, M112 or M410 at a cycle; the interrupt that receives it acts on it, whatever
     /// the tasks do. The caller sends the line itself.
     pub fn act_at(&self, cycle: u64, emergency: Emergency) {
         self.interrupts.act_at(cycle, emergency);

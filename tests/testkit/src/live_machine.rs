@@ -124,7 +124,7 @@ impl<'b, 'a, M: Stepping> Talk<'b, 'a, M> {
         self.check();
     }
 
-    /// Lets M410 or M112 come after this many cycles.
+    /// Sends M410 or M112 after this number of cycles.
     fn stop_after(&mut self, cycles: u64, emergency: Emergency) {
         if self.stops_at.is_none() {
             let at = self.board.now() + cycles;

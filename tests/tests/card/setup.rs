@@ -146,12 +146,12 @@ impl Setup {
         self.converse(&mut printer, lines, beside)
     }
 
-    /// Lets the supply's signal say that it fails; the power stays, as with a module.
+    /// Makes the supply's signal report a failure; the power stays, as with a module.
     pub fn fail_supply(&self) {
         self.session.set_supply_failing(true);
     }
 
-    /// Lets the supply's signal say that it is right again.
+    /// Makes the supply's signal report that it is back.
     pub fn mend_supply(&self) {
         self.session.set_supply_failing(false);
     }
@@ -171,7 +171,7 @@ impl Setup {
         self.session.desk().true_position_10nm().map(|units| units as f64 / 1e5)
     }
 
-    /// Lets the sensor with which an axis homes fail, or mends it.
+    /// Breaks the sensor with which an axis homes, or mends it.
     pub fn set_end_stop_failure(&self, axis: usize, failure: Option<EndStopFailure>) {
         self.session.set_end_stop_failure(axis, failure);
     }

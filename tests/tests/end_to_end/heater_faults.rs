@@ -78,7 +78,7 @@ fn an_overheated_nozzle_stops_the_job() {
     assert_eq!(summary["motor_steps"]["x"], 0);
 }
 
-/// Lets a heater fail at a given moment.
+/// Makes a heater fail at a given moment.
 fn failing(heater: Heater, failure: HeaterFailure, at_s: f64) -> impl FnMut(&Machine) {
     move |machine| {
         if machine.clock().now_ns() as f64 * 1e-9 >= at_s {

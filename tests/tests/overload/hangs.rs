@@ -135,7 +135,7 @@ impl<'b, 'a> Talk<'b, 'a> {
         steps
     }
 
-    /// Lets the state's work end; returns the time of each line.
+    /// Completes the state's work; returns the time of each line.
     fn work_undisturbed(&mut self) -> Vec<u64> {
         let begin = self.board.now();
         let mut answers = Vec::new();
@@ -177,7 +177,7 @@ impl<'b, 'a> Talk<'b, 'a> {
         }
     }
 
-    /// Lets the board work up to the instant, and checks the answers that are due then.
+    /// Runs the board up to the instant, and checks the answers that are due then.
     #[track_caller]
     fn disturb(&mut self, kind: Kind, undisturbed: &Undisturbed, random: &mut Random) {
         let begin = self.board.now();

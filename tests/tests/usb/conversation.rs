@@ -71,7 +71,7 @@ impl<'a> Conversation<'a> {
         self.answer()
     }
 
-    /// Lets the printer answer what it has received.
+    /// Makes the printer answer what it has received.
     pub fn answer(&mut self) -> Vec<String> {
         let received = self.device.take_received();
         let mut bytes = &received[..];

@@ -68,7 +68,7 @@ impl State {
         (-2.0 * (1.0 - self.share()).ln()).sqrt() * (TAU * self.share()).cos()
     }
 
-    /// Lets the frame swing up to a tick.
+    /// Simulates the frame up to a tick.
     fn swing_to(&mut self, tick: u64) {
         let time_s = tick.saturating_sub(self.tick) as f64 / f64::from(TICKS_PER_SECOND);
         for (mode, command) in self.frame.iter_mut().zip(self.command) {
@@ -77,7 +77,7 @@ impl State {
         self.tick = self.tick.max(tick);
     }
 
-    /// Lets time pass up to a tick, and takes the samples that are due.
+    /// Advances time to a tick, and takes the samples that are due.
     fn pass_to(&mut self, tick: u64) {
         while let Some(Record { samples, taken, since_tick: Some(since_tick), overflows }) = self.record {
             if taken == samples {
@@ -172,7 +172,7 @@ impl DeskAccelerometer {
         self.0.borrow_mut().ahead_ticks = board_tick.wrapping_sub(motion_tick);
     }
 
-    /// Lets time pass up to a tick of the board's time.
+    /// Advances time to a tick of the board's time.
     pub fn pass_to(&self, board_tick: u64) {
         self.0.borrow_mut().pass_to(board_tick);
     }

@@ -16,7 +16,7 @@ impl DeskTime {
         self.idle_ns.get() + motion_ns(tick)
     }
 
-    /// Lets time pass up to a moment, unless that is over, while the motion clock stays at a tick.
+    /// Advances time to a moment, unless it is past, while the motion clock stays at a tick.
     pub fn wait_until(&self, tick: u64, wake_ns: u64) {
         self.idle_ns.set(self.idle_ns.get() + wake_ns.saturating_sub(self.now_ns(tick)));
     }

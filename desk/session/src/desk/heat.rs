@@ -56,13 +56,13 @@ impl DeskHeat {
         self.heaters.set_fan_stuck(fan, is_stuck);
     }
 
-    /// Lets a heater fail, or mends it.
+    /// Makes a heater fail, or mends it.
     pub fn set_failure(&mut self, heater: Heater, failure: Option<HeaterFailure>) {
         self.at_rest.disturb();
         self.heaters.set_failure(heater, failure);
     }
 
-    /// Lets the heaters' time pass, with the fans asked for this. Failed heaters continue to cool.
+    /// Advances the heaters' time, with the fans asked for this. Failed heaters continue to cool.
     ///
     /// # Errors
     /// A heater or thermometer has failed; all heaters are off.

@@ -56,7 +56,7 @@ pub trait Desk {
 
     /// The motion, as commands see it; a halt ends their waits.
     fn motion<'a>(&'a self, signals: &'a Signals) -> Self::Motion<'a>;
-    /// Lets time pass until something changes, or for a while, if a command waits for motion.
+    /// Advances time until something changes, or for a while, if a command waits for motion.
     fn pass_motion(&self);
     /// A command waits for a moment: lets time pass up to it.
     fn wait_until(&self, wake_ns: u64);

@@ -126,7 +126,7 @@ impl VirtualStepQueue {
         self.watch.observer
     }
 
-    /// Lets motion continue up to a tick.
+    /// Continues motion up to a tick.
     pub fn set_pause_tick(&mut self, tick: u64) {
         self.pause_tick = tick;
     }
@@ -160,7 +160,7 @@ impl VirtualStepQueue {
         self.now_tick.max(self.motors.ledger.tick())
     }
 
-    /// Lets this many ticks pass: plays the events that they contain, and no other.
+    /// Advances by this number of ticks: plays the events that they contain, and no other.
     pub fn pass(&mut self, ticks: u64) {
         self.now_tick = self.now_tick() + ticks;
         if self.watched_axis.is_some() {

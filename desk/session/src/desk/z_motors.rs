@@ -38,7 +38,7 @@ impl DeskZMotors {
         })
     }
 
-    /// Lets the motors in the mask make the steps to come.
+    /// Makes the motors in the mask take the steps to come.
     pub fn step(&mut self, stepping: u8, motors: &mut VirtualMotors) {
         let [.., z, _] = motors.ledger.motor_steps();
         for (motor, more) in self.more.iter_mut().enumerate() {

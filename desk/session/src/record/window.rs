@@ -103,7 +103,7 @@ impl Cut {
         self.begin_ns.is_some_and(|begin_ns| now_ns >= begin_ns) && self.end_ns.is_none_or(|end_ns| now_ns < end_ns)
     }
 
-    /// Returns its beginning, ns; `None` if no motion of its lines has come.
+    /// Returns its beginning, ns; `None` before any motion of its lines.
     pub fn begin_ns(&self) -> Option<u64> {
         self.begin_ns
     }

@@ -26,7 +26,7 @@ impl<'a> RulesMotion<'a> {
         Self { reader, own, signals }
     }
 
-    /// Lets time pass if this much motion was planned since the last time.
+    /// Advances time if this much motion was planned since the last time.
     async fn pass(&self, leap_ticks: u64) -> Result<(), MotionError> {
         if self.reader.waiting_ticks() >= leap_ticks {
             let_time_pass().await;

@@ -81,7 +81,7 @@ impl World {
         self.now_ms.get()
     }
 
-    /// Lets a model control a heater.
+    /// Makes a model control a heater.
     pub(crate) fn set_model(&self, heater: Heater, model: HeaterModel) {
         self.heat.borrow_mut().0.set_model(heater, model);
     }

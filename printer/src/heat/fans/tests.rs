@@ -55,7 +55,7 @@ impl World {
         (0..samples).map(sample).collect()
     }
 
-    /// Lets the hot end's fan turn so fast for a while.
+    /// Makes the hot end's fan turn at this speed for a while.
     fn turn(&mut self, rpm: f32, seconds: f32) {
         for _ in 0..(seconds * A_SECOND as f32) as usize {
             self.board.pulses += rpm / 60.0 * 2.0 / A_SECOND as f32;

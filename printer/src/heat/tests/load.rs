@@ -31,7 +31,7 @@ pub struct Load {
 }
 
 impl Load {
-    /// Lets a sample pass.
+    /// Advances by a sample.
     pub fn pass(&mut self, heater: Heater, board: &mut VirtualHeaters) {
         let seconds = SAMPLE_MS as f32 * 1e-3;
         let celsius = board.true_celsius(heater);

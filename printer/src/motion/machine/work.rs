@@ -96,7 +96,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         may_leave && self.planner.release_final()
     }
 
-    /// Lets a block leave a look-ahead ring that is not full, in motion, if steps run out.
+    /// Releases a block from a look-ahead ring that is not full, in motion, if steps run out.
     /// Returns true if it did.
     fn release(&mut self) -> bool {
         let runs_out = self.planner.is_in_motion() && self.feeder.remaining_ticks() < LOW_TICKS;

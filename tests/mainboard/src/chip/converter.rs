@@ -374,7 +374,7 @@ mod tests {
             value
         }
 
-        /// Lets time pass; the number of events.
+        /// Advances time; the number of events.
         fn pass(&mut self, ns: u64) -> usize {
             let (end_ns, mut events) = (self.ram.now_ns + ns, 0);
             while let Some(next) = self.chip.next_event().filter(|next| next.0 <= end_ns) {

@@ -234,7 +234,7 @@ impl Sdio {
         flag(registers, outcome, true);
     }
 
-    /// Lets everything happen that is due.
+    /// Does everything that is due.
     fn settle(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         let now_ns = context.now().0;
         self.end_command(registers, now_ns);

@@ -82,7 +82,7 @@ impl Bench {
         value
     }
 
-    /// Lets time pass, event by event.
+    /// Advances time, event by event.
     fn pass(&mut self, ns: u64) {
         let end_ns = self.now_ns + ns;
         while let Some(next) = self.chip.next_event().filter(|next| next.0 <= end_ns) {

@@ -265,7 +265,7 @@ impl BlTouch {
         self.moves = Some((if command == Command::Out { Pin::Out } else { Pin::In }, now_ns + MOVE_NS));
     }
 
-    /// Lets time pass; true if the level changed.
+    /// Advances time; true if the level changed.
     pub fn advance(&mut self, now_ns: u64) -> bool {
         let before = self.level();
         if self.signal_end_ns.is_some_and(|end_ns| end_ns <= now_ns) {

@@ -26,7 +26,7 @@ impl Mode {
         Self { omega: TAU * frequency_hz, damping, command_mm, away_mm: 0.0, speed_mm_per_s: 0.0 }
     }
 
-    /// Lets time pass, s.
+    /// Advances time, s.
     pub fn advance(&mut self, time_s: f64) {
         let decay = self.damping * self.omega;
         let damped = self.omega * (1.0 - self.damping * self.damping).sqrt();

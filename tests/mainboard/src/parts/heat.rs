@@ -209,7 +209,7 @@ impl Heater {
         self.advance(now_ns);
     }
 
-    /// Lets heat flow up to `now_ns`.
+    /// Simulates the flow of heat up to `now_ns`.
     pub fn advance(&mut self, now_ns: u64) {
         while let Some((at_ns, power_w)) = self.pending.pop_front_if(|(at_ns, _)| *at_ns <= now_ns) {
             self.flow(at_ns);

@@ -324,7 +324,7 @@ impl Motion {
         }
     }
 
-    /// Lets the carriage follow the fields after one of them moved.
+    /// Makes the carriage follow the fields after one of them moved.
     fn follow(&mut self, now_ns: u64, motor: usize) -> Effect {
         let mut effect = Effect::default();
         match (self.kinematics, motor) {
@@ -418,7 +418,7 @@ impl Motion {
         changed
     }
 
-    /// Lets switches bounce up to `now_ns`; true if a level changed.
+    /// Bounces the switches up to `now_ns`; true if a level changed.
     pub fn advance(&mut self, now_ns: u64) -> bool {
         self.end_stops.iter_mut().fold(false, |changed, stop| stop.advance(now_ns) | changed)
     }

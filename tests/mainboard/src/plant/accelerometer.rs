@@ -39,7 +39,7 @@ impl WiredAccelerometer {
         self.now_ns = self.now_ns.max(now_ns);
     }
 
-    /// Lets time pass, with the samples that are due.
+    /// Advances time, with the samples that are due.
     pub(super) fn advance(&mut self, now_ns: u64) {
         while let Some(due_ns) = self.chip.next_sample_ns().filter(|due_ns| *due_ns <= now_ns) {
             self.pass_to(due_ns);

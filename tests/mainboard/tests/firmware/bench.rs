@@ -151,7 +151,7 @@ impl Bench {
         self.host.port().now_ns()
     }
 
-    /// Lets time pass, ms; lines that arrive meanwhile are dropped.
+    /// Advances time, ms; lines that arrive meanwhile are dropped.
     pub fn pass(&mut self, time_ms: u64) {
         self.host.listen(time_ms).unwrap();
     }
@@ -219,7 +219,7 @@ impl Bench {
         self.with(move |_, core| core.read(u64::from(address), Width::W32).unwrap() as u32)
     }
 
-    /// Lets the processor execute these instructions instead of sleeping, from the end of its next
+    /// Makes the processor execute these instructions instead of sleeping, from the end of its next
     /// sleep on. Only for a board with [`PatchedImage`].
     pub fn execute(&mut self, code: &[u16]) {
         let code = code.to_vec();
@@ -238,7 +238,7 @@ impl Bench {
         panic!("{}: the processor never sleeps", self.facts.name);
     }
 
-    /// Lets time pass, us; lines that arrive meanwhile are kept.
+    /// Advances time, us; lines that arrive meanwhile are kept.
     pub fn wait_us(&mut self, time_us: u64) {
         let until_ns = self.now_ns() + time_us * 1000;
         self.host.port().0.wait(until_ns).unwrap();

@@ -294,7 +294,7 @@ fn idle_motors_are_switched_off_and_lose_their_homing() {
     assert!(!state_after(board, &bench.port_writes(), true).is_high(pin(board.enable[0])));
 }
 
-/// Lets motors move and heaters heat, causes a failure, and checks its effects.
+/// Moves motors and heats heaters, causes a failure, and checks its effects.
 fn assert_ends_safely(board: &'static BoardFacts, last_words: &str, go_wrong: impl Fn(&mut Bench)) {
     let mut bench = Bench::boot_patched(board);
     for line in ["M302 P1", "G91", "G1 X1 Y1 Z1 E1 F1200", "M400"] {
@@ -364,7 +364,7 @@ fn assert_fans_blow(board: &BoardFacts, state: &PortState) {
 /// `bx r2`: jumps to the address in it.
 const JUMP: u16 = 0x4710;
 
-/// Lets the processor jump to a check of the image that fails: the undefined instruction there.
+/// Makes the processor jump to a check of the image that fails: the undefined instruction there.
 /// Returns its address.
 pub fn force_panic(image: &Path, bench: &mut Bench) -> u32 {
     let code = Code::of(image).unwrap();
@@ -379,7 +379,7 @@ pub fn force_panic(image: &Path, bench: &mut Bench) -> u32 {
     trap.address
 }
 
-/// Lets the processor jump to an address without memory.
+/// Makes the processor jump to an address without memory.
 pub fn jump_nowhere(bench: &mut Bench) {
     bench.execute(&[&load(2, NOWHERE | 1)[..], &[JUMP]].concat());
 }

@@ -48,7 +48,7 @@ impl<'a, M: Stepping> Interrupts<'a, M> {
         self.port
     }
 
-    /// Lets time pass up to a cycle, unless it is over.
+    /// Advances time to a cycle, unless it is past.
     pub fn pass_to(&self, cycle: u64) {
         while let Some((at, emergency)) = self.take_due(cycle) {
             self.play_to(at);
@@ -57,7 +57,7 @@ impl<'a, M: Stepping> Interrupts<'a, M> {
         self.play_to(cycle);
     }
 
-    /// Lets some cycles pass.
+    /// Advances by some cycles.
     pub fn pass(&self, cycles: u64) {
         self.pass_to(self.now() + cycles);
     }
@@ -78,7 +78,7 @@ impl<'a, M: Stepping> Interrupts<'a, M> {
         }
     }
 
-    /// Lets the serial interrupt act on M108, M112 or M410 at a cycle, whatever the tasks do then.
+    /// Makes the serial interrupt act on M108, M112 or M410 at a cycle, whatever the tasks do then.
     pub fn act_at(&self, cycle: u64, emergency: Emergency) {
         let mut acts = self.acts.borrow_mut();
         let place = acts.partition_point(|(at, _)| *at <= cycle);

@@ -66,19 +66,20 @@ impl JobHost {
         }
     }
 
-    /// Lets it send a line at a cycle, between two frames. To be called in the order of the cycles.
+    /// Makes the host send a line at a cycle, between two frames. To be called in the order of the
+    /// cycles.
     pub fn says(mut self, at: u64, line: &str) -> Self {
         self.lines.push_back((at, format!("{line}\n")));
         self
     }
 
-    /// Lets it send no data for some time.
+    /// Makes the host send no data for some time.
     pub fn pauses(mut self, cycles: Range<u64>) -> Self {
         self.pauses.push(cycles);
         self
     }
 
-    /// Lets it be absent for some time, even in the middle of a frame; the board's
+    /// Makes the host absent for some time, even in the middle of a frame; the board's
     /// lines are lost then.
     pub fn leaves(mut self, cycles: Range<u64>) -> Self {
         self.absence = cycles;

@@ -29,7 +29,7 @@ impl<'a, M: Stepping> Queue<'a, M> {
         Self { feeder, interrupts, costs, digests: StepDigests::default() }
     }
 
-    /// Lets the planner task work for this many cycles, multiplied by its present slowness.
+    /// Runs the planner task for this number of cycles, multiplied by its present slowness.
     fn plan_for(&self, cycles: u64) {
         self.interrupts.pass(cycles * self.costs.slowness_at(self.interrupts.now()));
     }

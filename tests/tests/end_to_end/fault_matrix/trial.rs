@@ -96,7 +96,7 @@ impl<'a> Trial<'a> {
         self.said.extend(replies.iter().flat_map(|reply| reply.lines()).map(str::to_owned));
     }
 
-    /// Lets time pass without any line from the host.
+    /// Advances time without any line from the host.
     pub fn be_silent(&mut self, seconds: f64) {
         let (machine, fault) = (self.machine, self.fault);
         let mut at_s = self.at_s;
@@ -116,7 +116,7 @@ impl<'a> Trial<'a> {
     }
 }
 
-/// Lets the fault happen once its time has come.
+/// Causes the fault once its time has come.
 fn happen(machine: &Machine, fault: Fault, at_s: &mut f64) {
     if now_s(machine) < *at_s {
         return;

@@ -55,7 +55,7 @@ impl Rig {
         rig
     }
 
-    /// Lets the heater fail. Returns the trip, the seconds until it, and the highest true
+    /// Makes the heater fail. Returns the trip, the seconds until it, and the highest true
     /// temperature until then.
     fn fail(mut self, heater: Heater, failure: HeaterFailure, at_most_s: f32) -> Option<(Trip, f32, f32)> {
         self.board.set_failure(heater, Some(failure));

@@ -466,7 +466,7 @@ impl MotorDrivers for Drivers {
     }
 }
 
-/// Lets all other waiting tasks continue, once.
+/// Runs all other waiting tasks, once.
 pub async fn wait_once() {
     let mut has_waited = false;
     core::future::poll_fn(|_| if core::mem::replace(&mut has_waited, true) { Poll::Ready(()) } else { Poll::Pending })

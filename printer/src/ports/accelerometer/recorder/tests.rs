@@ -101,7 +101,7 @@ impl<'a> Rig<'a> {
         self.recorder.set(Some(rate_hz), None).unwrap();
     }
 
-    /// Lets time pass, and takes what there is each time.
+    /// Advances time, and takes what there is each time.
     fn pass(&mut self, times: u32, ticks: u64) {
         for _ in 0..times {
             self.chip.borrow_mut().now_ticks += ticks;

@@ -72,7 +72,7 @@ pub fn play_when_called(timer: StepTimer<BothEdges, 1, SHORT_QUEUE_SLOTS>, contr
     unsafe { EDGES.begin(timer, Interrupt::SPI2, STEPS_PRIORITY, controller) };
 }
 
-/// Lets the step timer play a queue.
+/// Makes the step timer play a queue.
 pub fn play(timer: StepTimer<StepSignals, MOTOR_PORTS, TIMED_QUEUE_SLOTS>, controller: &mut NVIC) {
     // SAFETY: as above. The second one is called by the first, of the same priority,
     // and uses the same.
@@ -83,7 +83,7 @@ pub fn play(timer: StepTimer<StepSignals, MOTOR_PORTS, TIMED_QUEUE_SLOTS>, contr
     }
 }
 
-/// Lets the step timer play a queue in pulses.
+/// Makes the step timer play a queue in pulses.
 pub fn play_pulses(timer: StepTimer<Pulses, MOTOR_PORTS, TIMED_QUEUE_SLOTS>, controller: &mut NVIC) {
     // SAFETY: as for `play`; a test has one of the two.
     unsafe {
@@ -93,7 +93,7 @@ pub fn play_pulses(timer: StepTimer<Pulses, MOTOR_PORTS, TIMED_QUEUE_SLOTS>, con
     }
 }
 
-/// Lets the USB port be served.
+/// Serves the USB port.
 pub fn serve(usb: &'static mut Usb, controller: &mut NVIC) {
     // SAFETY: as above; it has nothing that a critical section is for.
     unsafe { USB.begin(usb, Interrupt::OTG_FS, USB_PRIORITY, controller) };

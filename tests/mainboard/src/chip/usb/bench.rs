@@ -160,7 +160,7 @@ impl Bench {
         self.transact(0, endpoint, Kind::In { acknowledged: true })
     }
 
-    /// Lets time pass.
+    /// Advances time.
     pub fn pass(&mut self, ns: u64) {
         self.go_to(self.now_ns + ns);
     }

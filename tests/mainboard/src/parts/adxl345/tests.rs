@@ -48,7 +48,7 @@ impl Wires {
         [1, 3, 5].map(|at| i16::from_le_bytes([bytes[at], bytes[at + 1]]))
     }
 
-    /// Lets time pass, in which the chip feels this.
+    /// Advances time, while the chip feels this acceleration.
     fn pass(&mut self, ns: u64, acceleration_g: [f64; 3]) -> usize {
         self.now_ns += ns;
         let mut samples = 0;
