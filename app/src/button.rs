@@ -5,7 +5,7 @@ use ferrostep_stm32f4_board::board::is_triggered;
 
 use crate::wiring::BUTTON;
 
-/// Looks at the button, on a board that has one.
+/// Reads the button, on a board that has one.
 pub struct Button(ButtonWatch);
 
 impl Button {

@@ -30,7 +30,7 @@ impl Period {
     }
 }
 
-/// Tells the time and waits for it.
+/// Reads the time and waits for it.
 #[derive(Clone, Debug, Default)]
 pub struct SystemClock {
     /// SysTick's count is 32 bits of milliseconds, 49 days: its last reading, and how

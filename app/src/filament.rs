@@ -8,7 +8,7 @@ use crate::ports::BoardMachine;
 use crate::profile::PROFILE;
 use crate::wiring::FILAMENT;
 
-/// Looks at the encoder, on a machine that has one.
+/// Reads the encoder, on a machine that has one.
 pub struct Encoder(EncoderWatch);
 
 impl Encoder {
@@ -17,7 +17,7 @@ impl Encoder {
         Self(EncoderWatch::new())
     }
 
-    /// Looks at the encoder after the planner task's work. The clock of milliseconds may wrap.
+    /// Reads the encoder after the planner task's work. The clock of milliseconds may wrap.
     pub fn look(&mut self, machine: &BoardMachine, now_ms: u32, signals: &Signals) {
         if let (Some(pin), Some(sensor)) = (FILAMENT, &PROFILE.filament_sensor)
             && sensor.detection_10nm().is_some()

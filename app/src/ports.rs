@@ -314,7 +314,7 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
         });
     }
 
-    /// Tells each host how it packs its bytes, if it waits for that.
+    /// Reports to each host how it packs its bytes, if it waits for that.
     pub fn packing(&self) {
         for port in [Port::Serial, Port::Usb] {
             if let Some(settings) = take_packing(port) {
@@ -373,7 +373,7 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
         ));
     }
 
-    /// Says that the beginning of a line was dropped, because its connection ended
+    /// Reports that the beginning of a line was dropped, because its connection ended
     /// or it did not fit.
     pub fn half_a_line(&self) {
         self.line(format_args!("echo:usb: half a line dropped"));

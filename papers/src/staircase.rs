@@ -207,7 +207,7 @@ impl Iterator for StaircasePieces {
 impl SpeedRule for FrequencyTable {
     type Pieces = StaircasePieces;
 
-    /// No faster than the table goes.
+    /// Nominal speed, limited to the table's highest frequency.
     fn nominal(&self, block: &Block) -> Speed {
         block.nominal.min(BlockPulses::of(block).speed(self.top_hz()))
     }

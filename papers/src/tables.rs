@@ -31,7 +31,7 @@ pub enum Paper {
 }
 
 impl Paper {
-    /// All of them.
+    /// All papers.
     pub const ALL: [Self; 4] = [Self::Wu, Self::Yu, Self::CoreXy, Self::Li];
 
     /// Tables and figures of the paper.

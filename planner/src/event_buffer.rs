@@ -72,7 +72,7 @@ impl<const MOST: usize> EventBuffer<MOST> {
         }
     }
 
-    /// Forgets all.
+    /// Empties the buffer.
     pub(crate) fn clear(&mut self) {
         self.count = 0;
     }

@@ -24,7 +24,7 @@ pub enum Interpolation {
 }
 
 impl Interpolation {
-    /// All of them, in the order in which M796 numbers them.
+    /// All its values, in the order in which M796 numbers them.
     pub const ALL: [Self; 5] =
         [Self::StepBresenham, Self::Bresenham, Self::PointByPoint, Self::MinimumDeviation, Self::DualRate];
 
@@ -56,7 +56,7 @@ pub enum AccelerationProfile {
 }
 
 impl AccelerationProfile {
-    /// All of them, in the order in which M796 numbers them.
+    /// All its values, in the order in which M796 numbers them.
     pub const ALL: [Self; 4] = [Self::Trapezoid, Self::SCurve, Self::SCurveTable, Self::SCurveFiveSegments];
 
     /// The name that profiles use.

@@ -23,7 +23,7 @@ pub struct Stretch {
 }
 
 impl Stretch {
-    /// All of a block in which no move ends before the last.
+    /// The whole of a block in which no move ends before the last.
     #[inline]
     pub fn whole(block: &Block) -> Self {
         Self {

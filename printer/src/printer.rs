@@ -136,7 +136,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.identity.emergency_parser = present;
     }
 
-    /// Says that the ports' bytes may be packed (M115 reports it).
+    /// Notes that the ports' bytes may be packed (M115 reports it).
     pub fn set_meatpack(&mut self, present: bool) {
         self.identity.meatpack = present;
     }

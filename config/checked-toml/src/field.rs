@@ -36,7 +36,7 @@ impl<'r, T: Clone + fmt::Debug> Field<'r, T> {
         Self { section: section.clone(), row, key, expected: String::new(), value, stand_in, show: Box::new(show) }
     }
 
-    /// Says which values are right: in a refusal's words, and in the book's with the unit apart.
+    /// Describes the right values: in a refusal's words, and in the book's with the unit apart.
     pub(crate) fn described(mut self, expected: String, allowed: String, unit: &'static str) -> Self {
         self.expected = expected;
         self.key.allowed = allowed;

@@ -49,7 +49,7 @@ impl Version {
         Self { text: format!("{number} (commit {commit})"), depends_on }
     }
 
-    /// Tells cargo the files that the text depends on. To be called by a build script.
+    /// Declares to cargo the files that the text depends on; for build scripts.
     pub fn watch(&self) {
         for path in self.depends_on.iter().filter(|path| path.exists()) {
             println!("cargo:rerun-if-changed={}", path.display());

@@ -78,7 +78,7 @@ pub struct Side {
     pub stopped: Option<String>,
 }
 
-/// Both.
+/// The two prints.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
     /// The first.

@@ -155,7 +155,7 @@ impl<P: Ports> Onlooker<P> for Lines<'_> {
 }
 
 impl Lines<'_> {
-    /// Tells the record of the surface that Z follows, if the line has changed it; the motors
+    /// Adds to the record the surface that Z follows, if the line has changed it; the motors
     /// are at rest then.
     fn follow_bed(&mut self, nozzle_10nm: [i64; 3]) {
         let Some(machine) = self.machine else { return };
@@ -401,7 +401,7 @@ const QUESTIONS: [(&str, LimitFactors); 4] = [
 ];
 
 /// Estimates a file with other limits, each in a thread: words for them, and the print's time, s.
-/// None where it stops or cannot be read.
+/// Empty where the print stops or the file cannot be read.
 pub fn chances(profile: Profile, file: &Path) -> Vec<(String, f64)> {
     std::thread::scope(|scope| {
         let asked = QUESTIONS.map(|(words, factors)| (words, scope.spawn(move || estimate(profile, file, factors))));

@@ -28,7 +28,7 @@ impl Selection {
     /// All that is not G-code: metadata and thumbnails.
     pub const DESCRIPTION: Self = Self { gcode: false, metadata: true, thumbnails: true };
 
-    /// Everything.
+    /// All blocks.
     pub const ALL: Self = Self { gcode: true, metadata: true, thumbnails: true };
 
     const fn has(self, kind: BlockKind) -> bool {

@@ -78,7 +78,7 @@ impl Heatshrink {
         }
     }
 
-    /// Puts a byte into the window. A smaller one uses part of it: no distance reaches further.
+    /// Adds a byte to the window. A smaller one uses part of it: no distance reaches further.
     fn keep(&mut self, byte: u8) -> u8 {
         if let Some(place) = self.window.get_mut(self.head) {
             *place = byte;

@@ -18,7 +18,7 @@ const WORKER: &str = concat!("'use strict';\n", include_str!("../page/wasi.js"),
 /// Maximum size of the page, bytes.
 pub const MAX_BYTES: usize = 3_000_000;
 
-/// Puts the page together around the compiled program. The same program makes the same bytes.
+/// Assembles the page around the compiled program. The same program makes the same bytes.
 ///
 /// # Errors
 /// The page would be larger than [`MAX_BYTES`], or a part has no place in it.

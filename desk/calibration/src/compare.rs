@@ -80,7 +80,7 @@ impl Comparison {
 pub enum Choice {
     /// Index of the shaper that rounds least of those that leave at most a twentieth.
     RoundsLeast(usize),
-    /// No shaper leaves at most a twentieth; this one leaves least: its index.
+    /// Index of the shaper that leaves least, where none leaves at most a twentieth.
     LeavesLeast(usize),
 }
 

@@ -35,7 +35,7 @@ impl fmt::Display for LinesError {
 
 impl std::error::Error for LinesError {}
 
-/// Puts lines together as they come; others may come in between.
+/// Assembles the lines as they arrive; others may arrive in between.
 #[derive(Clone, Debug, Default)]
 pub struct Assembly {
     bytes: Vec<u8>,

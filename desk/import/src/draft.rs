@@ -69,7 +69,7 @@ impl Draft {
         self.rows.push(row);
     }
 
-    /// Says about a setting why not all of it is kept: adds its row, or to its row.
+    /// Records why not all of a setting is kept, in a new row or its present one.
     pub fn note(&mut self, row: Row) {
         match self.rows.find(&row).and_then(|index| self.rows.get_mut(index)) {
             Some(other) => other.why = row.why,

@@ -27,7 +27,7 @@ use queue::{Candidate, Queue};
 pub struct FlushTimes {
     /// Time from one look-ahead to the next, s.
     pub usual_s: f64,
-    /// Before the first one after a stop, s.
+    /// Time before the first look-ahead after a stop, s.
     pub after_stop_s: f64,
 }
 

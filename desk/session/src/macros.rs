@@ -78,7 +78,7 @@ impl FileMacros {
         }
     }
 
-    /// Looks at a portion of the file before its lines are executed.
+    /// Reads a portion of the file before its lines are executed.
     pub fn look(&mut self, portion: &[u8]) {
         if self.macros == Macros::Assumed && !self.has_extruded {
             self.start.look(portion);

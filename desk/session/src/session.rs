@@ -374,7 +374,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
         self.filament.set(watch);
     }
 
-    /// Looks at the supply's signal, as a board does.
+    /// Reads the supply's signal, as a board does.
     fn watch_supply(&self) {
         let Some(signal) = &self.profile.supply_signal else { return };
         let mut watch = self.supply.get();

@@ -19,7 +19,7 @@ const OVERLAP_MM: f32 = 3.0;
 const MAX_SQUARES: usize = 1 << 20;
 /// Longest distance between two looks along a part, mm.
 const LOOK_MM: f32 = 0.5;
-/// Looks along one part at most.
+/// Maximum number of samples along one part.
 const MAX_LOOKS: f32 = 2000.0;
 
 /// Printing in a square of the bed: the layer, and its lowest height there, mm.

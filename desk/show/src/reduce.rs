@@ -37,7 +37,7 @@ pub(crate) struct Tolerance {
 }
 
 impl Tolerance {
-    /// Every node stays.
+    /// All nodes stay.
     const NONE: Self = Self { distance_mm: 0.0, share: 0.0, nodes: 1 };
 
     /// The next larger one. Speeds give way faster than the path: a path that is off

@@ -140,7 +140,7 @@ impl<P: Printer> Room<P> {
     /// the result is kept.
     ///
     /// # Errors
-    /// Another file comes, or one is being printed.
+    /// Another file is arriving, or one is being printed.
     pub fn begin_upload(&self) -> Result<MutexGuard<'_, ()>, Answer> {
         let alone = match self.upload.try_lock() {
             Ok(alone) => alone,

@@ -51,7 +51,7 @@ pub struct CoreXyLine {
     made: [i64; 2],
     /// Quarters of pulses, of minimum deviation's or 4 for each of point-by-point's, passed so far.
     quarters: u64,
-    /// All of them.
+    /// Quarters of pulses of the whole line.
     all_quarters: u64,
     feeds: FeedSteps,
     /// The second step of a diagonal.

@@ -149,7 +149,7 @@ impl Packet {
     /// Length of a packet that begins so.
     ///
     /// # Errors
-    /// No packet begins so.
+    /// No packet begins with these bytes.
     pub fn length(start: [u8; CODE_BYTES]) -> Result<usize, Fault> {
         match u32::from_le_bytes(start) {
             TRAJECTORY_START => Ok(TRAJECTORY_BYTES),

@@ -32,7 +32,7 @@ pub enum PacketRequest<'a> {
     Place(PreparedPlace),
 }
 
-/// Puts packets together again.
+/// Reassembles packets.
 #[derive(Clone, Debug, Default)]
 pub struct PacketReader {
     line: u32,

@@ -11,7 +11,7 @@ use super::packet::{Packet, Status, Trajectory};
 /// Units of length in a millimetre.
 const PER_MM: f64 = 100_000.0;
 
-/// Puts a job into packets.
+/// Writes a job as packets.
 pub struct PacketWriter {
     /// Source line of the packet before.
     line: u32,

@@ -134,7 +134,7 @@ pub(crate) struct BlockRules<M: MotionMethods> {
     /// Length of a step of the extruder, mm: a division in double precision, which no
     /// block has to make.
     extruder_step_mm: f32,
-    /// Another step pattern than step Bresenham.
+    /// A step pattern other than step Bresenham.
     pub pattern: Option<M::Pattern>,
     /// Every motor steps in its own time.
     is_shaped: bool,

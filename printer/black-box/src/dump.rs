@@ -175,7 +175,7 @@ impl<'a, S: StepPast> Dump<'a, S> {
         self.digest.update(&[byte]);
     }
 
-    /// Puts the lowest bytes of a word, little-endian.
+    /// Writes the lowest bytes of a word, little-endian.
     #[inline(never)]
     fn word(&mut self, word: u32, bytes: usize) {
         word.to_le_bytes().iter().take(bytes).for_each(|byte| self.put(*byte));

@@ -257,7 +257,7 @@ mod tests {
         }
     }
 
-    /// No command is accepted for nothing without a line here.
+    /// Every command that is accepted without effect has a line here.
     #[test]
     fn what_is_accepted_for_nothing_stands_in_the_table() {
         for letter in ["G", "M"] {

@@ -121,7 +121,7 @@ const _: () = assert!(WARNING_S < DEFAULT_HEATER_TIMEOUT_S as u32, "the default 
 mod tests {
     use super::*;
 
-    /// Looks ten times a second; returns the reports with their times, s.
+    /// Checks ten times a second; returns the reports with their times, s.
     fn looks(timeout: &mut HeaterTimeout, from_ms: u32, seconds: u32, timeout_s: u16) -> Vec<(u32, HeaterRest)> {
         let looks = (0..=seconds * 10).map(|look| (look / 10, from_ms.wrapping_add(look * 100)));
         looks.filter_map(|(s, now_ms)| Some((s, timeout.look(now_ms, false, true, timeout_s)?))).collect()

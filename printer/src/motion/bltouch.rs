@@ -63,7 +63,7 @@ impl<M: Motion> Homing<'_, '_, M> {
     /// Sends a command to the pin, and checks its signal. If the signal is wrong the
     /// pin is called in.
     ///
-    /// Before it goes out it must be in, and the signal must follow it.
+    /// The pin must be in before it goes out, and the signal must follow it.
     pub(crate) async fn tell_pin(&mut self, pin: BlTouch, command: PinCommand) -> Result<(), CommandError> {
         let goes_out = command == PinCommand::Out;
         let other_us = if let PinCommand::Pulses { width_us } = command { width_us } else { 0 };

@@ -95,7 +95,7 @@ impl<M: Motion> Homing<'_, '_, M> {
         self.travel(place_10nm).await
     }
 
-    /// Goes to this height of the motors, if Z is lower.
+    /// Raises Z to this height of the motors, if it is lower.
     pub async fn rise_over_bed(&mut self, height_10nm: i64) -> Result<(), CommandError> {
         let [x_10nm, y_10nm, z_10nm] = self.motion.position_10nm();
         if z_10nm >= height_10nm {

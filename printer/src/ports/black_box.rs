@@ -6,9 +6,9 @@ use core::fmt;
 pub trait BlackBox: fmt::Debug {
     /// A command begins: its line, and its text without comment.
     fn command(&self, line: u32, text: &str);
-    /// The host that is answered wants it. Whoever owns it sends it when the line has had its `ok`,
-    /// and motion has ended.
+    /// Requests it for the host that is answered. Its owner sends it when the line has had its
+    /// `ok`, and motion has ended.
     fn send(&self);
-    /// Forgets everything.
+    /// Erases all records.
     fn clear(&self);
 }

@@ -97,7 +97,7 @@ impl fmt::Display for InterruptTime {
     }
 }
 
-/// Holds the step interrupt of an image, and the one that measures it, against the shortest gap
+/// Compares the step interrupt of an image, and the one that measures it, with the shortest gap
 /// between two updates, cycles of the core. Returns their times.
 ///
 /// The one that measures only has to store its reload value in time with its instructions in the
@@ -142,7 +142,7 @@ impl InterruptTime {
     /// Holds the times against the shortest gap between two updates, cycles of the core.
     ///
     /// # Errors
-    /// Says which bound is broken, with the figures.
+    /// Describes the broken bound, with the figures.
     pub fn fits(&self, gap_cycles: u32) -> Result<(), String> {
         let Self { to_reload, whole, .. } = self;
         if to_reload.uncached > gap_cycles {

@@ -21,7 +21,7 @@ impl Command<'_> {
         self.rest.split_whitespace().any(|word| word.starts_with(letter))
     }
 
-    /// Tells whether it is of the first extruder, heater or motor, by the letter that says which.
+    /// Returns true for the first extruder, heater or motor, by the letter that names it.
     pub(super) fn is_of_first(&self, letters: &[char]) -> bool {
         letters.iter().all(|letter| !self.has(*letter) || self.number(*letter) == Some(0.0))
     }

@@ -88,7 +88,7 @@ impl Reading {
 /// Planner and reader.
 struct Plan {
     planner: Planner<Vec<Slot>, Papers>,
-    /// Holds the mesh; the motors, which make no steps, do not follow it.
+    /// Keeps the mesh; the motors, which make no steps, do not follow it.
     bed: BedStage,
     reading: Reading,
     homing_time: HomingTime,

@@ -131,7 +131,7 @@ async fn heat<P: Ports>(printer: &mut Printer<'_, P>, line: u32, heaters: [Optio
 }
 
 impl Start {
-    /// Looks at a portion of the file before its lines are executed.
+    /// Reads a portion of the file before its lines are executed.
     pub fn look(&mut self, portion: &[u8]) {
         self.first_targets.read(portion);
     }

@@ -144,7 +144,7 @@ fn next_task(host: &PageHost) -> Task {
     Task::Listen
 }
 
-/// Notes an answer to a person's line, and asks where that has led.
+/// Notes an answer to a person's line, and asks for the resulting state.
 fn answered(host: &PageHost, line: &mut PrinterLine, said: &str) -> io::Result<()> {
     let mut inner = host.lock();
     let is_answer = said.starts_with("ok") || said.starts_with(HALTED);

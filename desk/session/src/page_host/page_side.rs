@@ -81,7 +81,7 @@ fn in_job(inner: &Inner) -> Result<(), Refusal> {
     if inner.phase.is_job() { Ok(()) } else { refuse("nothing is being printed") }
 }
 
-/// Puts lines that belong together after those that wait.
+/// Appends lines that belong together to those that wait.
 fn queue(inner: &mut Inner, lines: Vec<String>) -> Result<(), Refusal> {
     if inner.waiting.len().saturating_add(lines.len()) > MAX_WAITING {
         let waiting = inner.waiting.len();

@@ -54,7 +54,7 @@ pub(super) struct PageJob {
     pub schedule: Option<Schedule>,
     /// Number of its lines, counted where there is no schedule.
     pub lines: Option<u32>,
-    /// Tells the estimate to stop, as its result is not used.
+    /// Stops the estimate, as its result is not used.
     pub unwanted: Arc<AtomicBool>,
     /// Line of the file up to which commands were answered.
     pub line: u32,

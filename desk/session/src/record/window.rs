@@ -23,7 +23,7 @@ pub struct Window {
 }
 
 impl Window {
-    /// All of the motion.
+    /// The whole motion.
     pub const ALL: Self = Self { from: Bound::Seconds(0.0), to: None };
 
     /// Returns true if it ends before it begins, when both bounds are of the same kind.

@@ -43,7 +43,7 @@ impl RulesReader {
         }
     }
 
-    /// Tells an observer of all motion from now on; none has been planned.
+    /// Reports all motion from now on to an observer; none has been planned.
     pub fn observe(&self, observer: Box<dyn PlanObserver>) {
         self.with_plan(|plan| plan.observe(observer));
     }

@@ -3,7 +3,7 @@
 /// Time between two samples, s.
 pub const SAMPLE_S: f64 = 0.000_25;
 
-/// Everything at an instant.
+/// All quantities at an instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sample {
     /// Time, s.

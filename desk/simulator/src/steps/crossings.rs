@@ -16,7 +16,7 @@ pub(super) struct Crossings {
     position: i64,
     /// The last step's time; `None` once the motor is at rest.
     last_step_s: Option<f64>,
-    /// Up to here the line is drawn: time and position.
+    /// End of the drawn line: time and position.
     drawn_s: f64,
     drawn: f64,
     /// Samples drawn so far.

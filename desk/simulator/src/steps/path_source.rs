@@ -62,7 +62,7 @@ impl fmt::Display for PathError {
 
 impl std::error::Error for PathError {}
 
-/// Tells the measures the path as time passes.
+/// Passes the path to the measures as time advances.
 #[derive(Debug)]
 pub struct PathSource {
     from: From,

@@ -65,7 +65,7 @@ fn spacing(steps: &[f64]) -> [f64; 2] {
     [ways().fold(f64::INFINITY, f64::min), ways().fold(0.0, f64::max)]
 }
 
-/// Both, by the length of the moves.
+/// The two methods, by the length of the moves.
 pub fn table() -> Table {
     let own = by_its_own_times();
     let rows = [20.0, 5.0, 2.0, 1.0, 0.5, 0.25].map(|move_mm| {
@@ -97,7 +97,7 @@ pub fn table() -> Table {
     }
 }
 
-/// Both, along some moves.
+/// The two methods, along some moves.
 pub fn figure() -> Figure {
     let shown_mm = 6.0;
     let curve = |name: &str, steps: &[f64]| Curve {

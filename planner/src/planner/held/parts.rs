@@ -194,7 +194,7 @@ impl Held {
         Part::Move(Travel { target_10nm, filament_100pm, corner_filament_100pm, feed_mm_per_s, line, ends_move, part })
     }
 
-    /// All of it, as slow as its filament needs.
+    /// The whole way, as slow as its filament needs.
     fn way(&self, is_backwards: bool) -> Way<'_> {
         Way { legs: self.legs(), slowness: self.spread.slowness, is_backwards }
     }

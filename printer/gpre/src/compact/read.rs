@@ -393,7 +393,7 @@ fn feed(bits: &mut BitReader<'_>) -> Result<f32, Fault> {
     if feed > 0.0 && feed.is_finite() { Ok(feed) } else { Err(Fault::Content("a feed above zero")) }
 }
 
-/// Puts a command's text together; returns its length.
+/// Assembles a command's text; returns its length.
 fn spell(bits: &mut BitReader<'_>, kind: u32, text: &mut [u8; MAX_TEXT_BYTES]) -> Result<usize, Fault> {
     if kind == 0 {
         let length = bits.few(8)? as usize;

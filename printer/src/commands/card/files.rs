@@ -12,7 +12,7 @@ use crate::ports::{Heating, Ports, Replies};
 use crate::printer::Printer;
 
 impl<P: Ports> Printer<'_, P> {
-    /// Looks for a card at the start, as M21 does.
+    /// Mounts a card at the start, as M21 does.
     pub async fn mount_card(&mut self) {
         let mounted = self.ask_card(Request::Mount).await;
         match mounted {

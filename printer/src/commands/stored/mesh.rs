@@ -65,8 +65,8 @@ pub(super) fn points(entry: Entry) -> Option<[u8; 2]> {
     (entry.index == 2).then_some([columns, rows])
 }
 
-/// Puts a stored mesh in a place without points. Returns up to which height Z follows it, units of
-/// 10 nm; `None`: the mesh is not whole, or higher than a bed can be.
+/// Copies a stored mesh to a place without points. Returns the height to which Z follows it, units
+/// of 10 nm; `None`: the mesh is not whole, or higher than a bed can be.
 fn read_mesh(record: Record<'_>, mesh: &mut Mesh, interpolation: MeshInterpolation) -> Option<i32> {
     let bytes_of = |index: u8| {
         let mut entries = record.entries();

@@ -107,7 +107,7 @@ impl VirtualPage {
         self.server.as_ref().map_or_else(String::new, |server| server.address().to_string())
     }
 
-    /// Tells a person where it is.
+    /// Prints the address for a person.
     pub fn announce(&self) {
         self.server.iter().for_each(|server| announce(server, self.has_key));
     }
