@@ -28,7 +28,7 @@ const PATIENT_BAUD: u32 = 200;
 /// The drivers of all motors.
 pub type BoardDriverBank = DriverBank<DRIVERS>;
 
-/// The profile's settings of a motor's driver. Further motors lift Z, but for that of the
+/// The profile's settings of a motor's driver. Further motors lift Z, except that of the
 /// second extruder.
 fn settings_of(motor: usize) -> Option<DriverSettings> {
     match PROFILE.tools {

@@ -332,7 +332,7 @@ mod app {
         cx.local.servo.interrupt();
     }
 
-    /// The drivers' shared line. Must take a byte before the next but one has come: 174 us.
+    /// The drivers' shared line. Must take a byte before the second one after it: 174 us.
     #[task(binds = USART2, priority = 14, shared = [driver_line])]
     fn driver_line(mut cx: driver_line::Context) {
         cx.shared.driver_line.lock(DriverLine::interrupt);
@@ -345,7 +345,7 @@ mod app {
         cx.shared.driver_line.lock(DriverLine::interrupt);
     }
 
-    /// Bytes in and out. Must take a byte before the next but one has come: 87 us at 115,200 baud.
+    /// Bytes in and out. Must take a byte before the second one after it: 87 us at 115,200 baud.
     #[task(binds = USART1, priority = 13, local = [port, input, to_send])]
     fn serial(cx: serial::Context) {
         while let Some(byte) = cx.local.port.receive() {

@@ -261,7 +261,7 @@ mod tests {
         assert_eq!(error(1.0, 10.0, f64::MIN_POSITIVE), CurveError::Jerk);
     }
 
-    /// Any float, and more often one that can be meant.
+    /// Any float, more often a plausible one.
     fn wide() -> impl Strategy<Value = f64> {
         prop_oneof![1 => any::<f64>(), 8 => (-13.0f64..13.0).prop_map(|exponent| 10f64.powf(exponent))]
     }

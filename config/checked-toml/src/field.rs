@@ -5,7 +5,7 @@ use std::fmt;
 use crate::schema::Key;
 use crate::section::Section;
 
-/// A key of a [`Section`], read as far as the text goes. One of [`required`](Self::required),
+/// A key of a [`Section`], read from its text. One of [`required`](Self::required),
 /// [`or`](Self::or) and [`optional`](Self::optional) sets its value for texts without the key, and
 /// its meaning, in the book's words.
 #[must_use = "a key is declared by `required`, `or` or `optional`"]

@@ -81,7 +81,7 @@ impl<'a> Reader<'a> {
     /// The value that was read, if the text is free of faults.
     ///
     /// # Errors
-    /// The most basic fault, and of several the one found first.
+    /// The most basic fault; among several, the first found.
     pub fn finish<T>(self, value: T) -> Result<Checked<T>, FileError> {
         if let Some(root) = &self.root {
             self.find_unknown_keys(root.get_ref(), "");

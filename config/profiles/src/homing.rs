@@ -20,7 +20,7 @@ const BED: Range = range(-2_000.0, 2_000.0, "mm");
 /// approaches may end.
 const DEFAULT_OVERRUN_MM: f64 = 5.0;
 const DEFAULT_AGREE_MM: f64 = 0.5;
-/// The same of a probe, which triggers without a stalling motor in between.
+/// The same for a probe, which triggers without a stalling motor.
 const DEFAULT_PROBE_AGREE_MM: f64 = 0.2;
 
 /// Homing of X, Y and Z, and the keys that keep the nozzle off the bed.

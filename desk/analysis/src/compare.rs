@@ -81,7 +81,7 @@ pub struct Side {
 /// The two prints.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
-    /// The first.
+    /// The first print.
     pub a: Side,
     /// The second.
     pub b: Side,

@@ -49,7 +49,7 @@ const HEATING: [&str; 4] = ["M109", "M116", "M190", "M191"];
 /// A record that its observer and the lines of the job share.
 type Shared = Rc<RefCell<Recorder>>;
 
-/// Hands the steps of a print to the record as they are made.
+/// Passes the steps of a print to the record as they are made.
 struct ShowObserver(Shared);
 
 impl StepObserver for ShowObserver {

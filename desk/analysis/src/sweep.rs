@@ -76,7 +76,7 @@ pub enum SweepError {
     Input(InputError),
     /// A prepared job has its speeds already.
     Prepared,
-    /// The job stops with the profile as it is.
+    /// The job stops with the unchanged profile.
     Job(JobError),
     /// An error is to be simulated, and the profile names no frame.
     NoFrame,
@@ -137,7 +137,7 @@ pub struct Swept {
     /// Name of the keys together, for a person.
     #[serde(skip)]
     pub label: String,
-    /// Time with the profile as it is, and the job as it is but for the lines left out, s.
+    /// Time with the unchanged profile and job, except the lines left out, s.
     pub print_time_s: f64,
     /// Lines of the job left out, as their settings would override the profile's values.
     pub lines_left_out: u64,

@@ -104,7 +104,7 @@ fn metadata_and_pictures() {
 }
 
 /// Every byte in turn is damaged: with checksums no line of a damaged block comes out, nor is the
-/// damage ever overlooked.
+/// damage overlooked.
 #[test]
 fn damage_is_found_before_its_lines_are_given_out() {
     for (name, file) in files() {

@@ -76,7 +76,7 @@ pub struct Done {
 ///
 /// # Errors
 /// The machine or the job cannot be read, or the page cannot be written: words for a person. A job
-/// that stops at a line has a page up to there and a summary that says so.
+/// that stops at a line has a page up to there, and its summary says that it stopped.
 pub fn answer(request: &Request, tell: impl Fn(&Event)) -> Result<(), String> {
     let Machine { profile, by, name: machine, note, kept } = Machine::of(request)?;
     if let Some(note) = note {

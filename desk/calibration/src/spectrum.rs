@@ -27,7 +27,7 @@ const BAND_HZ: [f64; 2] = [10.0, 200.0];
 /// Power density of an axis's acceleration, (mm/s^2)^2/Hz, at the multiples of a frequency.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spectrum {
-    /// Distance of two lines, Hz.
+    /// Distance between two lines, Hz.
     pub step_hz: f64,
     /// The density; the first is that of a constant.
     pub density: Vec<f64>,

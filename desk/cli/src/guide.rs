@@ -31,7 +31,7 @@ fn names_here() -> Vec<String> {
     files.into_iter().rev().filter_map(|(_, name)| name.into_os_string().into_string().ok()).collect()
 }
 
-/// Returns true for a name that every shell takes as it is.
+/// Returns true for a name that needs no quoting in any shell.
 fn is_plain(name: &str) -> bool {
     name.starts_with(|char: char| char.is_ascii_alphanumeric())
         && name.chars().all(|char| char.is_ascii_alphanumeric() || matches!(char, '.' | '_' | '-'))

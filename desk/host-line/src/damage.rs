@@ -50,7 +50,7 @@ pub struct DamagedLine {
     flips_after: Option<u8>,
 }
 
-/// A bit of a line changes in one of its first bytes; a shorter line arrives as it is.
+/// A bit of a line changes in one of its first bytes; a shorter line arrives unchanged.
 const FLIPPED_BYTES: u8 = 10;
 
 impl Default for DamagedLine {

@@ -39,7 +39,7 @@ pub struct Line {
     dropped_bytes: u64,
     /// True if a host had the line open at the last look.
     was_open: bool,
-    /// A host has gone since the last [`Self::take_departure`].
+    /// A host has left since the last [`Self::take_departure`].
     has_departed: bool,
 }
 
@@ -147,7 +147,7 @@ impl Line {
         }
     }
 
-    /// Returns true if a host has gone since the last call: the rest of its line is not the
+    /// Returns true if a host has left since the last call: the rest of its line is not the
     /// beginning of the next host's. The [`Self::read`] that has seen it go returns bytes of the
     /// next host. On a terminal only [`Self::connected`] sees it, so that a host that goes and
     /// comes back between two looks stays unnoticed.

@@ -99,7 +99,7 @@ impl Draft {
         self.unread.push(what);
     }
 
-    /// Sets a key, said by a setting: adds its row.
+    /// Sets a key from a setting, and adds its row.
     pub fn keep(&mut self, path: &str, value: impl Into<Value>, row: Row) {
         let value = rounded(value.into());
         self.put(path, value.clone());
@@ -147,7 +147,7 @@ impl Draft {
     /// may, or is given up, and its row says why.
     ///
     /// # Errors
-    /// The machine's identity is not said, or the checks refuse what cannot be given up.
+    /// The machine's identity is missing, or the checks refuse a required value.
     pub fn finish(mut self, assume: bool) -> Result<Imported, ImportError> {
         if !self.gaps.is_empty() && !assume {
             return Err(ImportError::Identity(self.gaps, self.unread));
@@ -275,7 +275,7 @@ impl Draft {
         true
     }
 
-    /// Sets or removes what a check has refused, and says so in the rows that had said it. The
+    /// Sets or removes a key that a check refused, and reports it in the key's rows. The
     /// first reason of a row stays.
     fn change(&mut self, path: &str, value: Option<Value>, reason: &str) {
         let before = get(&self.table, path).cloned();

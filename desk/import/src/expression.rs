@@ -15,7 +15,7 @@ const INTEGERS: [&str; 12] = [
     "unsigned",
 ];
 
-/// Operators of two values, each with its rank: the higher, the nearer it binds.
+/// Operators of two values, each with its precedence: the higher, the tighter it binds.
 const OPERATORS: [(&str, u8); 17] = [
     ("||", 1),
     ("&&", 2),

@@ -105,7 +105,7 @@ impl Window {
         Some(planned(&first, entry, start_limit, exit.0))
     }
 
-    /// The plans of all moves, as they are known now.
+    /// The present plans of all moves.
     pub fn plans(&self, speeds: &mut Vec<f64>, mut each: impl FnMut(&Block, Phases)) {
         let (Some(first), Some(last)) = (self.blocks.front(), self.blocks.back()) else { return };
         // Starts by corner and braking, the last move's first.

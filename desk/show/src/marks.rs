@@ -11,7 +11,7 @@ use crate::times::{TimeOf, slicer_times};
 pub enum Mark {
     /// A layer begins.
     Layer,
-    /// Another feature is printed from here on; its name.
+    /// Name of the feature that is printed from here on.
     Feature(String),
     /// Beads are of this height from here on, mm.
     Height(f32),

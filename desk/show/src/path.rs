@@ -204,7 +204,7 @@ impl Path {
         self.close(self.last, line, states.at(line), motion, keep);
     }
 
-    /// The motion so far has come to its end without the end of a line's move (homing,
+    /// The motion so far has ended without the end of a line's move (homing,
     /// waits in between).
     pub fn settle(&mut self, line: u32, homes: bool, states: &mut LineStates, keep: &mut impl FnMut(Node)) {
         let mut own = self.pieces.end_own();

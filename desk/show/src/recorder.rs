@@ -43,7 +43,7 @@ pub struct Machine {
 pub struct Recorder {
     machine: Machine,
     sampler: Sampler,
-    /// True if moves come as they are planned, and no steps are made.
+    /// True if moves arrive as they are planned, without steps.
     is_planned: bool,
     surface: Option<Surface>,
     speeds: Speeds,

@@ -63,7 +63,7 @@ impl PathWindow {
         self.known_until_s = self.known_until_s.max(segment.end_s);
     }
 
-    /// Up to when the path is known, s.
+    /// Time up to which the path is known, s.
     pub const fn known_until_s(&self) -> f64 {
         self.known_until_s
     }

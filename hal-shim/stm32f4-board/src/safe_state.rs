@@ -27,7 +27,7 @@ pub fn enter() {
 }
 
 /// Returns true if the crystal has stopped, for which the core calls the interrupt that cannot be
-/// masked. The chip has gone over to its internal oscillator by itself, buses divided as before;
+/// masked. The chip has switched to its internal oscillator by itself, buses divided as before;
 /// then the host's line gets its speed back. After [`enter`] only.
 pub fn crystal_has_stopped() -> bool {
     // SAFETY: a register is only read.

@@ -219,7 +219,7 @@ pub fn crystal_has_stopped(registers: &mut impl Registers) -> bool {
 }
 
 /// A serial port's divider for the same speed after that: the buses stay divided as they were, and
-/// the core has gone from `core_hz` to `internal_hz`. At least 1, and no more than before.
+/// the core has switched from `core_hz` to `internal_hz`. At least 1, and no more than before.
 pub const fn divider_without_crystal(divider: u16, core_hz: u32, internal_hz: u32) -> u16 {
     let core_hz = if core_hz == 0 { 1 } else { core_hz } as u64;
     // Rounded; 16 bits times 32 fit.

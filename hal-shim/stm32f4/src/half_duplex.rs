@@ -61,8 +61,8 @@ impl<R: Registers> HalfDuplexLine<R> {
         Self { registers, bytes: LineBytes::new() }
     }
 
-    /// A byte has come, or the transmitter takes one. Must come before the next but one byte: 174
-    /// us at 115,200 baud. One that is lost, or damaged, shows in the datagram's checksum.
+    /// A byte has arrived, or the transmitter takes one. Must run before the second byte after it:
+    /// 174 us at 115,200 baud. One that is lost, or damaged, shows in the datagram's checksum.
     pub fn interrupt(&mut self) {
         let status = self.registers.read(USART2_SR);
         // Reading status and data clears the overrun, which would otherwise interrupt endlessly.

@@ -18,7 +18,7 @@ const PART_BITS: i32 = 56;
 /// Weights' units in a whole, as a shift: the weights of an axis sum to exactly this whole.
 pub(super) const WEIGHT_BITS: u32 = 30;
 
-/// Bits of the largest coefficient, but for its sign: the sum of three fits in 64.
+/// Bits of the largest coefficient, without its sign: the sum of three fits in 64.
 const COEFFICIENT_BITS: i32 = 61;
 
 /// The most by which coefficients are enlarged, a shift.

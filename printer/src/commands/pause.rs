@@ -379,7 +379,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(self.motion.finish().await?)
     }
 
-    /// Up, then aside, as far as the axes are homed.
+    /// Parks the nozzle: up, then aside, along the homed axes.
     async fn park(&mut self, [park_x, park_y, lift]: [i64; 3]) -> Result<(), CommandError> {
         let homed = self.interpreter.modal.homed;
         let [x, y, z] = self.motion.position_10nm();

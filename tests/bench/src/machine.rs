@@ -59,7 +59,7 @@ impl Motion for Machine<'_, '_> {
         Ok(())
     }
 
-    /// Every sensor triggers at 0, and the machine is there without a step.
+    /// Sensors that all trigger at 0, where the machine is without a step.
     async fn seek(&mut self, _request: Move, axis: usize) -> Result<HomingOutcome, MotionError> {
         let mut position_10nm = self.position_10nm();
         if let Some(coordinate_10nm) = position_10nm.get_mut(axis) {

@@ -12,7 +12,7 @@ use super::pattern::{
 /// Parts of a line: slow, fast, slow; mm.
 const PARTS_MM: [f64; 3] = [20.0, 40.0, 20.0];
 
-/// Distance of two lines, mm.
+/// Distance between two lines, mm.
 const APART_MM: f64 = 5.0;
 
 /// Every fifth line begins this far to the left, so that they can be counted; mm.

@@ -238,7 +238,7 @@ fn acceleration(profile: &Profile) -> f64 {
     x.min(y)
 }
 
-/// The profile's own limits, but for the acceleration, which is that of marks.
+/// The profile's own limits, except the acceleration, which is that of marks.
 fn own_limits(out: &mut String, profile: &Profile) {
     let [feed_x, feed_y, ..] = profile.limits.max_feed_mm_per_s;
     let [x, y, ..] = profile.limits.max_acceleration_mm_per_s2;

@@ -13,7 +13,7 @@ pub enum SendError {
     /// The board answers but does not take the job: it does not know prepared jobs, is halted, or
     /// receives another one; its last lines.
     NotTaken(Vec<String>),
-    /// The board halted while it received G-code; the line that says so.
+    /// The board halted while it received G-code; the line that reports it.
     Halted(String),
     /// [`Watch::wants_end`](super::Watch::wants_end) has asked for it; the transfer of the prepared
     /// job was aborted.

@@ -322,7 +322,7 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
         }
     }
 
-    /// Returns true if the printer has said, about the present line, what it `expects`.
+    /// Returns true if the printer has sent, about the present line, what it `expects`.
     fn has_said(&self, expects: Option<&str>) -> bool {
         expects.is_none_or(|expects| self.said.iter().any(|said| said.starts_with(expects)))
     }

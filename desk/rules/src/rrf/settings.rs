@@ -45,7 +45,7 @@ pub struct RrfSettings {
 }
 
 impl RrfSettings {
-    /// RepRapFirmware's values where `config.g` says nothing, on a board of the Duet 3 6 series.
+    /// RepRapFirmware's values where `config.g` gives none, on a board of the Duet 3 6 series.
     pub const fn defaults() -> Self {
         Self {
             max_feed_mm_per_s: [100.0, 100.0, 5.0, 20.0],

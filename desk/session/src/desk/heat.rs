@@ -62,7 +62,7 @@ impl DeskHeat {
         self.heaters.set_failure(heater, failure);
     }
 
-    /// Advances the heaters' time, with the fans asked for this. Failed heaters continue to cool.
+    /// Advances the heaters' time, with this demand for the fans. Failed heaters continue to cool.
     ///
     /// # Errors
     /// A heater or thermometer has failed; all heaters are off.

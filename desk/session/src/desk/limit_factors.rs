@@ -12,7 +12,7 @@ pub struct LimitFactors {
 }
 
 impl Default for LimitFactors {
-    /// The machine as it is.
+    /// The unchanged machine.
     fn default() -> Self {
         Self { acceleration: 1.0, corners: 1.0 }
     }

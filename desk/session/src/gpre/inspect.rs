@@ -124,7 +124,7 @@ impl Entries {
     /// A frame begins.
     fn begin(&mut self, number: u32, start: &FrameState) {
         self.position_10nm = start.position_10nm;
-        // The start of the job is entered as ever.
+        // The start of the job is entered as usual.
         if start.can_be_entered && number > 0 {
             let z_10nm = start.position_10nm[2];
             self.entries.push(OpenFrame { number, line: start.line, z_10nm, before_s: self.at_feeds_s });

@@ -9,7 +9,7 @@
 
 use std::fmt;
 
-/// The travel of the printer that a job was sliced for, mm, as far as the slicer says it.
+/// The travel of the printer that a job was sliced for, mm, where the slicer gives it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SlicedFor {
     /// Lower and upper end of X and of Y.
@@ -144,7 +144,7 @@ impl SlicedFor {
     }
 
     /// The travel of the printer instead of another one, mm: lower and upper ends of X, Y and Z. A
-    /// bed that is not said is the other's, made larger if the part reaches beyond it.
+    /// bed that is not given is the other's, made larger if the part reaches beyond it.
     pub fn travel_mm(&self, other_mm: [[f64; 2]; 3]) -> [[f64; 2]; 3] {
         let [bed_x, bed_y] =
             [0, 1].map(|axis: usize| self.bed_mm[axis].map(|ends| ends.map(|end| end - self.origin_mm[axis])));

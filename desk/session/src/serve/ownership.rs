@@ -33,7 +33,7 @@ impl Ownership {
         self.take(OUTSIDE)
     }
 
-    /// The outside host has gone.
+    /// The outside host has left.
     pub fn release_outside(&self) {
         self.release(OUTSIDE);
     }

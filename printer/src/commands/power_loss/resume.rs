@@ -100,7 +100,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Looks for an interrupted print, after the card was mounted. If the motors have not moved
+    /// Searches for an interrupted print after the card was mounted. If the motors have not moved
     /// since the start, their height is that of the kept place.
     pub(crate) async fn find_interrupted_print(&mut self) {
         if self.print.card.job != Job::None || self.print.card.has_selected() {

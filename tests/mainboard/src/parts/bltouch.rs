@@ -173,7 +173,7 @@ impl BlTouch {
         self.fault = fault;
     }
 
-    /// Pulls the pin out, as by hand, or as a power cut leaves it.
+    /// Pulls the pin out, as a hand would or a power cut leaves it.
     pub fn pull_out(&mut self) {
         self.pin = Pin::Out;
     }

@@ -152,7 +152,7 @@ fn a_chattering_level_is_no_sign() {
     assert!(is_found && pushed_mm <= 8.0, "{pushed_mm}");
 }
 
-/// Every 2 ms a look, and an edge must last 5 ms.
+/// The encoder is read every 2 ms, and an edge must last 5 ms.
 #[test]
 fn the_fastest_filament_has_an_edge_every_eight_milliseconds() {
     let mut bench = Bench::new(2.88, 7.0);

@@ -198,7 +198,7 @@ impl Bench {
         self.now_ns = end_ns;
     }
 
-    /// Until any of these flags is set, 1 s at most; the time it took.
+    /// Waits for any of these flags, 1 s at most; returns the time it took.
     fn wait(&mut self, flags: u64) -> u64 {
         let before_ns = self.now_ns;
         while self.get(STA) & flags == 0 {
