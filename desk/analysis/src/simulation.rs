@@ -10,6 +10,7 @@ pub use filters::{ComparedFilter, FilterError, FilterWords, SimulatedFilters};
 pub use machine::{filament_mm2, reference_profile};
 pub use table::{Compared, Simulated, SimulatedFilter, SimulatedMachine};
 
+use std::borrow::Cow;
 use std::fmt;
 use std::fs::File;
 use std::io::{BufReader, Cursor, Read};
@@ -54,7 +55,7 @@ pub enum SimulationError {
     Machine(MachineError),
     /// The options for filters and frame contradict each other.
     Filters(FilterError),
-    /// `--compare` needs G-code to plan by other rules.
+    /// Other rules plan G-code, which a trace or a prepared job lacks.
     NothingToCompare,
     /// The profile's axes are not at right angles, and a frame's are.
     Skew,
@@ -92,8 +93,7 @@ impl fmt::Display for SimulationError {
             Self::NothingToCompare => {
                 write!(
                     out,
-                    "--compare plans G-code: give it with --path FILE, since a trace or a prepared job has none, and one whose \
-                     macros are assumed (START_PRINT) does not say the whole path"
+                    "--compare plans G-code: give it with --path FILE, since a trace or a prepared job has none"
                 )
             }
         }
@@ -249,22 +249,33 @@ impl Simulation {
         self.has_relative_ringing = false;
     }
 
-    /// Plays the plan by another firmware's rules, with its filters, on a machine and measures it:
-    /// a job that stops at a line up to there.
+    /// Plays the plan by another firmware's rules, with its filters, on a machine and measures it.
+    /// A job that stops at a line is measured up to there, and the reason returned beside.
     ///
     /// # Errors
     /// There is no G-code to plan, the G-code of a trace stops, or the machine's numbers are out of
     /// range.
-    pub fn by_rules(&self, machine: &Machine, by: ByRules, filters: &Filters) -> Result<Measured, SimulationError> {
-        let Some(PathText { text, job, .. }) = &self.path else { return Err(SimulationError::NothingToCompare) };
+    pub fn by_rules(
+        &self,
+        machine: &Machine,
+        by: ByRules,
+        filters: &Filters,
+    ) -> Result<(Measured, Option<JobError>), SimulationError> {
+        let job = self.path.as_ref().map(|path| &path.job);
         let ByRulesPlan { plans, durations_s, after_own, stopped } =
-            by_rules::planned(text, job, &self.profile, by, self.filament_mm2);
-        let mut path = PathSource::of_job(job, durations_s, self.filament_mm2);
-        match (stopped, &self.steps) {
-            (None, _) => {}
-            (Some(_), Steps::Job(_)) => path = path.may_end_early(),
+            by_rules::planned(&self.text()?, job, &self.profile, by, self.filament_mm2);
+        let mut path = match job {
+            Some(job) => PathSource::of_job(job, durations_s, self.filament_mm2),
+            None => PathSource::of_steps(self.filament_mm2),
+        };
+        let stopped = match (stopped, &self.steps) {
+            (None, _) => None,
+            (Some(error), Steps::Job(_)) => {
+                path = path.may_end_early();
+                Some(error)
+            }
             (Some(error), Steps::Trace(_)) => return Err(SimulationError::Job(error)),
-        }
+        };
         let header = match &self.steps {
             Steps::Trace(trace) => trace.header().clone(),
             Steps::Job(_) => machine::trace_header(&self.profile),
@@ -277,7 +288,18 @@ impl Simulation {
         if self.has_relative_ringing {
             report.ringing = report.ringing.relative_to(&self.unfiltered(machine, &plans)?.ringing);
         }
-        Ok((report, snapshots))
+        Ok(((report, snapshots), stopped))
+    }
+
+    /// The G-code: the job's own, else that of the path.
+    fn text(&self) -> Result<Cow<'_, [u8]>, SimulationError> {
+        match (&self.steps, &self.path) {
+            (Steps::Job(bytes), _) if self.source == Source::GCode => {
+                Ok(all_of(&mut Input::of_bytes(Arc::clone(bytes))?)?.into())
+            }
+            (_, Some(path)) => Ok(path.text.as_slice().into()),
+            _ => Err(SimulationError::NothingToCompare),
+        }
     }
 
     /// Measures plans without filters.

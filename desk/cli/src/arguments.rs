@@ -33,7 +33,7 @@ pub use post_process::PostProcessArguments;
 pub use send::{BlackBoxArguments, SendArguments};
 #[cfg(unix)]
 pub use serve::ServeArguments;
-pub use simulate::{Rules, SimulateArguments};
+pub use simulate::{ComparedRules, SimulateArguments};
 pub use values::Edge;
 
 /// Rehearses 3D prints on the desk, with the motion code that runs on the board.

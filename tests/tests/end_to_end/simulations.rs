@@ -131,6 +131,51 @@ fn the_compared_plan_takes_the_time_of_an_estimate_by_its_rules() {
     assert!((here - there).abs() < 1e-6, "{here} and {there}");
 }
 
+/// The plan of `--rules`, or of an imported profile, is the one that is measured.
+#[test]
+fn a_job_is_measured_under_the_plan_of_other_rules() {
+    let folder = directory();
+    let text = std::fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();
+    let imported = format!(
+        "square_corner_velocity_mm_per_s = 15\n{text}\n[rules]\nplanned_by = \"klipper\"\nminimum_cruise_ratio = 0.2\n"
+    );
+    let profile = file(&folder, "imported.toml", imported);
+    let of_profile = ["--profile", profile.to_str().unwrap()];
+    let job = file(&folder, "square.gcode", JOB);
+    let run = |command: &str, job: &std::path::Path, more: &[&str]| {
+        let outcome = ferrostep([&[command, job.to_str().unwrap(), "--json"], more].concat());
+        assert_eq!((outcome.status, outcome.stderr.as_str()), (Some(0), ""), "{command} {more:?}");
+        outcome.json()
+    };
+    let names = ["klipper", "marlin-junction-deviation", "marlin-classic-jerk", "rrf"];
+    for (rules, more) in
+        names.map(|name| (name, vec!["--rules", name])).into_iter().chain([("klipper", of_profile.to_vec())])
+    {
+        let simulated = run("simulate", &job, &more);
+        check_keys(&simulated);
+        assert_eq!((simulated["rules"].as_str(), simulated["path"].as_str()), (Some(rules), Some("gcode")));
+        let (here, there) =
+            (number(&simulated, &["time_s"]), number(&run("estimate", &job, &more), &["motion_time_s"]));
+        assert!((here - there).abs() < 1e-6, "{more:?}: {here} and {there}");
+    }
+    let own = run("simulate", &job, &[&of_profile[..], &["--rules", "own"]].concat());
+    assert_eq!((&own["rules"], &own["time_s"]), (&Value::Null, &run("simulate", &job, &[])["time_s"]));
+    // Both plans have the imported corners, and differ in their filters alone.
+    let both = run("simulate", &job, &[&of_profile[..], &["--compare", "klipper"]].concat());
+    assert_eq!(both["time_s"], both["compared"]["time_s"]);
+    assert!(number(&both, &["ringing", "rms_um"]) > 1.5 * number(&both, &["compared", "ringing", "rms_um"]), "{both}");
+    let shaped = run("simulate", &job, &["--rules", "klipper", "--input-shaper", "mzv"]);
+    assert!(number(&shaped, &["ringing", "relative"]) < 0.3, "{shaped}");
+    // A file whose path only the printer's macros know is measured against the path that it draws.
+    let macros = file(&folder, "macros.gcode", JOB.replacen("G28\n", "START_PRINT\n", 1));
+    assert_eq!(run("simulate", &macros, &of_profile)["path"], "steps");
+    // A job that stops is measured up to there.
+    let stops = file(&folder, "stops.gcode", JOB.replace("G3 X50", "G3 X50 R1"));
+    let outcome = ferrostep(["simulate", stops.to_str().unwrap(), "--rules", "rrf", "--json"]);
+    assert_eq!(outcome.status, Some(1), "{}", outcome.stderr);
+    assert!(number(&outcome.json(), &["time_s"]) > 1.0 && outcome.json()["stopped"].is_object());
+}
+
 #[test]
 fn a_kind_is_given_to_both_plans_and_detuning_moves_the_frame_under_them() {
     let folder = directory();
@@ -210,12 +255,13 @@ fn what_cannot_be_simulated_says_what_would_be_right() {
     let delta = named("delta.trace", text.replace("cartesian", "delta").as_bytes());
     let profile = std::fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();
     let skew = named("skew.toml", format!("{profile}\n[skew]\nxy = {{ factor = 0.01 }}\n").as_bytes());
-    let rows: [(&[&str], &str); 21] = [
+    let rows: [(&[&str], &str); 22] = [
         (&[&cut], "trace ends inside the record at byte"),
         (&[&delta], "trace header: kinematics is missing or not supported"),
         (&[trace, "--path", other], "is the trace of this file?"),
         (&[trace, "--path", trace], "--path takes G-code"),
         (&[trace, "--compare", "klipper"], "give it with --path FILE"),
+        (&[trace, "--rules", "rrf"], "--rules rrf takes the G-code that it was made from"),
         (&[job, "--frequency-x", "0"], "a mode of the frame is at 0 Hz, expected 1 to 1000 Hz"),
         (&[job, "--damping", "1"], "the frame's damping ratio is 1, expected 0 to 0.95"),
         (&[job, "--nozzle-time-constant", "5"], "the nozzle's time constant is 5 s, expected 0.001 to 2 s"),

@@ -23,8 +23,14 @@ pub(super) struct ByRulesPlan {
     pub stopped: Option<JobError>,
 }
 
-/// Plans a job's text by other rules.
-pub(super) fn planned(text: &[u8], job: &Job, profile: &Profile, by: ByRules, filament_mm2: f64) -> ByRulesPlan {
+/// Plans a job's text by other rules; `job`: its path, if that is known.
+pub(super) fn planned(
+    text: &[u8],
+    job: Option<&Job>,
+    profile: &Profile,
+    by: ByRules,
+    filament_mm2: f64,
+) -> ByRulesPlan {
     let session = Session::by_rules(*profile, by, JobReplies::new(|_: &str| {}));
     let executed = Rc::new(RefCell::new(Executed::new(filament_mm2)));
     session.desk().observe(Box::new(Shared(Rc::clone(&executed))));
@@ -35,7 +41,7 @@ pub(super) fn planned(text: &[u8], job: &Job, profile: &Profile, by: ByRules, fi
     executed.begin_plan();
     ByRulesPlan {
         plans: std::mem::take(&mut executed.plans),
-        durations_s: durations_s(job, &executed.spans),
+        durations_s: job.map(|job| durations_s(job, &executed.spans)).unwrap_or_default(),
         after_own: after_own(&executed.spans),
         stopped: outcome.err(),
     }

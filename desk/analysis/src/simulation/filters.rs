@@ -5,11 +5,13 @@ use std::fmt;
 
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
-    AxisShaper, ChoiceError, EvenSpacing, MotionChoice, Planner, ShaperError, ShaperKind, smooth_ticks,
+    AxisShaper, ChoiceError, EvenSpacing, MotionChoice, Planner, PressureAdvance, ShaperError, ShaperKind, smooth_ticks,
 };
 use ferrostep_printer::Profile;
+use ferrostep_session::rules::ByRules;
 use ferrostep_simulator::frame::FrameSettings;
-use ferrostep_simulator::shapers::ShaperKind as ComparedKind;
+use ferrostep_simulator::plan::{ExtruderFilter, Filters};
+use ferrostep_simulator::shapers::{Shaper, ShaperKind as ComparedKind, UnknownShaper};
 
 /// The most by which a frame may differ from its filters, per cent: beyond it, no filter is of use.
 const MAX_DETUNE_PERCENT: f64 = 50.0;
@@ -35,6 +37,9 @@ pub struct FilterWords {
     /// `--shaper`: the kind of the compared plan.
     pub compared: Option<ComparedKind>,
 }
+
+/// Klipper's `pressure_advance_smooth_time` where no other is given, s.
+const KLIPPERS_SMOOTH_TIME_S: f64 = 0.04;
 
 /// Filters and frame of a simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,6 +86,8 @@ pub enum FilterError {
     Detune(f64),
     /// `--detune` without any filter.
     NothingToDetune,
+    /// A plan by other rules cannot have the filter of this axis: why.
+    OfPlan(char, String),
     /// `--detune`, and the filters of an axis are made for two frequencies: the axis, that of the
     /// steps' and of the compared plan's, Hz.
     TwoFrequencies(char, [f64; 2]),
@@ -116,6 +123,7 @@ impl fmt::Display for FilterError {
                 "--detune: no filter is known that the frame could differ from; give --input-shaper NAME or a profile with \
                  input_shaper, or set the frame's own frequency with --frequency-x and --frequency-y",
             ),
+            Self::OfPlan(axis, reason) => write!(out, "the filter of {axis}: {reason}"),
             Self::TwoFrequencies(axis, [steps_hz, compared_hz]) => write!(
                 out,
                 "--detune: the filter of {axis} is made for {steps_hz} Hz, that of the compared plan for {compared_hz} Hz; \
@@ -161,6 +169,34 @@ fn write_shaper(out: &mut fmt::Formatter<'_>, axis: char, shaper: &AxisShaper, e
 }
 
 impl std::error::Error for FilterError {}
+
+impl SimulatedFilters {
+    /// The filters of the job's plan by another firmware's rules: the shapers of the steps, and the
+    /// profile's pressure advance, which only Klipper smooths.
+    ///
+    /// # Errors
+    /// [`FilterError::OfPlan`].
+    pub fn of_plan(&self, profile: &Profile, by: &ByRules) -> Result<Filters, FilterError> {
+        let [x, y] = &self.steps;
+        let PressureAdvance { seconds, smooth_time_s, .. } = profile.motion.pressure_advance;
+        let smooth_time_s = if by.smooths_advance() { smooth_time_s.unwrap_or(KLIPPERS_SMOOTH_TIME_S) } else { 0.0 };
+        Ok(Filters {
+            shapers: [planned_shaper('X', x)?, planned_shaper('Y', y)?],
+            extruder: ExtruderFilter::klipper(seconds, smooth_time_s),
+        })
+    }
+}
+
+/// The filter of an axis, as the simulator has it.
+fn planned_shaper(axis: char, shaper: &AxisShaper) -> Result<Shaper, FilterError> {
+    if !is_filter(shaper) {
+        return Ok(Shaper::identity());
+    }
+    let of_plan = |reason: String| FilterError::OfPlan(axis, reason);
+    let kind: ComparedKind =
+        shaper.kind.to_string().parse().map_err(|error: UnknownShaper| of_plan(error.to_string()))?;
+    Shaper::new(kind, shaper.frequency_hz, shaper.damping).map_err(|error| of_plan(error.to_string()))
+}
 
 impl FilterWords {
     /// Applies the words to a job on a machine, or to a trace (`None`).

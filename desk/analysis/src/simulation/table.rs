@@ -77,6 +77,9 @@ pub struct Compared {
 pub struct Simulated {
     /// The file.
     pub file: String,
+    /// The firmware by whose rules the moves are planned, if it is another one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rules: Option<&'static str>,
     /// The machine's name; of a trace none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub profile: Option<String>,
@@ -155,6 +158,9 @@ impl fmt::Display for Simulated {
             machine.nozzle_time_constant_s,
             if self.path == "gcode" { "G-code" } else { "steps themselves" },
         )?;
+        if let Some(rules) = self.rules {
+            writeln!(out, "  planned by {rules}")?;
+        }
         if let Some(SimulatedFilter { shaper: [x, y], shaper_frequency_hz }) = &self.input_shaper {
             let [x_hz, y_hz] = shaper_frequency_hz.map(hertz);
             writeln!(out, "  filters of the steps: X {x} for {x_hz} Hz, Y {y} for {y_hz} Hz")?;

@@ -3,9 +3,11 @@
 use std::path::PathBuf;
 
 use ferrostep_planner::ShaperKind as InputShaperKind;
+use ferrostep_profiles::PlannedBy;
 use ferrostep_simulator::shapers::ShaperKind;
 
 use super::job::{MacroArgument, PlateArgument};
+use super::values::rules;
 
 /// Arguments of `simulate`.
 #[derive(clap::Args)]
@@ -59,10 +61,14 @@ pub struct SimulateArguments {
     /// Another time constant, s, above a flow, mm^3/s: a nozzle with two slopes.
     #[arg(long, value_name = "SECONDS@FLOW")]
     pub nozzle_second_slope: Option<String>,
+    /// The firmware by whose rules the job is planned [default: that of the profile's
+    /// rules.planned_by].
+    #[arg(long, value_name = "RULES", value_parser = rules())]
+    pub rules: Option<PlannedBy>,
     /// Plans the same job by another firmware's rules too, and measures that plan on the same
     /// frame and nozzle.
     #[arg(long, value_name = "RULES", value_enum)]
-    pub compare: Option<Rules>,
+    pub compare: Option<ComparedRules>,
     /// The compared plan's input shaper: none, zv, mzv, mzv(IMPULSES,PERIODS), zvd, zvdd, ei,
     /// 2hump_ei, 3hump_ei, or one of the last three with _old [default: that of
     /// --input-shaper, else mzv].
@@ -82,12 +88,13 @@ pub struct SimulateArguments {
     /// Time over which the compared plan smooths its pressure advance, s.
     #[arg(long, value_name = "SECONDS", value_parser = below_a_second, default_value_t = 0.04, requires = "compare")]
     pub smooth_time: f64,
-    /// The compared plan's square corner velocity, mm/s.
-    #[arg(long, value_name = "MM_PER_S", default_value_t = 5.0, requires = "compare")]
-    pub square_corner_velocity: f64,
-    /// The compared plan's minimum cruise ratio, 0 to less than 1.
-    #[arg(long, value_name = "RATIO", default_value_t = 0.5, requires = "compare")]
-    pub minimum_cruise_ratio: f64,
+    /// The compared plan's square corner velocity, mm/s [default: an imported profile's, else 5].
+    #[arg(long, value_name = "MM_PER_S", requires = "compare")]
+    pub square_corner_velocity: Option<f64>,
+    /// The compared plan's minimum cruise ratio, 0 to less than 1 [default: an imported profile's,
+    /// else 0.5].
+    #[arg(long, value_name = "RATIO", requires = "compare")]
+    pub minimum_cruise_ratio: Option<f64>,
     /// Prints the result as one JSON object.
     #[arg(long)]
     pub json: bool,
@@ -119,7 +126,7 @@ fn two_numbers(text: &str) -> Result<[f64; 2], String> {
 
 /// Rules of other firmware to compare with.
 #[derive(Clone, Copy, clap::ValueEnum)]
-pub enum Rules {
+pub enum ComparedRules {
     /// Klipper's, as its documents have them.
     Klipper,
 }

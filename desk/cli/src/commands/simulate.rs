@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 
+use ferrostep_analysis::job_machine::JobMachine;
 use ferrostep_analysis::simulation::{
     Compared, ComparedFilter, FilterWords, Measured, Simulated, SimulatedFilter, SimulatedMachine, Simulation, Source,
 };
@@ -20,27 +21,37 @@ use ferrostep_simulator::plot::draw;
 use ferrostep_simulator::shapers::Shaper;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::arguments::{Rules, SimulateArguments};
+use crate::arguments::{ComparedRules, SimulateArguments};
 use crate::machine;
 use crate::outcome::{exit_code, result};
 use crate::protected::profile_file;
 
 /// Simulates, and prints the measures.
 pub fn run(arguments: &SimulateArguments) -> Result<ExitCode, String> {
-    let planned_by = arguments.compare.map_or(PlannedBy::Own, |Rules::Klipper| PlannedBy::Klipper);
-    let job_machine = machine::of_file(arguments.profile.as_deref(), Some(planned_by), &arguments.file)?;
+    let job_machine = machine::of_file(arguments.profile.as_deref(), arguments.rules, &arguments.file)?;
     let RuledMachine { profile, by, .. } = job_machine.ruled().map_err(|error| error.to_string())?;
+    let compared_by =
+        arguments.compare.map(|ComparedRules::Klipper| klippers(arguments, &job_machine)).transpose()?.flatten();
     let name = input::name(&arguments.file);
     let words = filter_words(arguments);
     let plot = arguments.plot.as_deref().map(|plot| plot_output(plot, arguments)).transpose()?;
     let path = arguments.path.as_deref();
     let mut simulation = Simulation::open(&arguments.file, profile, path, arguments.path_of_steps)
         .map_err(|error| format!("{name}: {error}"))?;
+    if let Some(asked) = arguments.rules.filter(|asked| *asked != PlannedBy::Own)
+        && simulation.source() != Source::GCode
+    {
+        return Err(format!(
+            "{name}: its steps are planned already: --rules {} takes the G-code that it was made from",
+            asked.name()
+        ));
+    }
+    let by = by.filter(|_| simulation.source() == Source::GCode);
     let filters = simulation.filters(&words).map_err(|error| error.to_string())?;
     simulation.set_filters(filters.steps);
     let machine = frame(arguments, filters.frame_hz)?;
     let (source, has_path) = (simulation.source(), simulation.has_path());
-    let compared = match (by, &filters.compared) {
+    let compared = match (compared_by, &filters.compared) {
         (Some(by), Some(filter)) => {
             Some(klipper(arguments, &machine, by, filter, &simulation).map_err(|error| format!("{name}: {error}"))?)
         }
@@ -50,9 +61,16 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode, String> {
     if let Ok(style) = ProgressStyle::with_template("{spinner} {msg}") {
         bar.set_style(style);
     }
-    let outcome = simulation.run(&machine, |done: &JobProgress| {
-        bar.set_message(format!("line {}, layer {}", done.lines, done.layers));
-    });
+    let rules = by.as_ref().map(|by| by.rules.name());
+    let outcome = match by {
+        Some(by) => {
+            let filters = filters.of_plan(&profile, &by).map_err(|error| error.to_string())?;
+            simulation.by_rules(&machine, by, &filters)
+        }
+        None => simulation.run(&machine, |done: &JobProgress| {
+            bar.set_message(format!("line {}, layer {}", done.lines, done.layers));
+        }),
+    };
     bar.finish_and_clear();
     let (measured, stopped) = outcome.map_err(|error| format!("{name}: {error}"))?;
     if let Some(mut plot) = plot {
@@ -64,6 +82,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode, String> {
     }
     let simulated = Simulated {
         file: arguments.file.to_string_lossy().into_owned(),
+        rules,
         profile: (source != Source::Trace).then(|| job_machine.name(&profile)),
         source: match source {
             Source::GCode => "gcode",
@@ -127,6 +146,22 @@ fn frame(arguments: &SimulateArguments, frequency_hz: [f64; 2]) -> Result<Machin
     Ok(machine)
 }
 
+/// Klipper's rules with the limits of corners that are asked for: else those of an imported
+/// profile, else Klipper's defaults.
+fn klippers(arguments: &SimulateArguments, machine: &JobMachine) -> Result<Option<ByRules>, String> {
+    let ruled = RuledMachine::parse(&machine.text, &machine.origin, Some(PlannedBy::Klipper));
+    let ruled = ruled.map_err(|error| error.to_string())?;
+    let klippers = |default: f64| (!ruled.has_other_firmware()).then_some(default);
+    let by = ruled.by.clone().map(|by| {
+        by.with_klippers_corners(
+            arguments.square_corner_velocity.or(klippers(5.0)),
+            arguments.minimum_cruise_ratio.or(klippers(0.5)),
+            klippers(1.0),
+        )
+    });
+    by.transpose().map_err(|error| format!("the compared plan: {error}"))
+}
+
 fn klipper(
     arguments: &SimulateArguments,
     machine: &Machine,
@@ -134,15 +169,12 @@ fn klipper(
     filter: &ComparedFilter,
     simulation: &Simulation,
 ) -> Result<(Compared, Measured), String> {
-    let by = by
-        .with_klippers_corners(arguments.square_corner_velocity, arguments.minimum_cruise_ratio)
-        .map_err(|error| format!("the compared plan: {error}"))?;
     let pressure_advance_s = arguments.pressure_advance.unwrap_or(arguments.nozzle_time_constant);
     let ComparedFilter { kind, frequency_hz: [x_hz, y_hz], damping: [x_damping, y_damping] } = *filter;
     let shaper = |hz, damping| Shaper::new(kind, hz, damping).map_err(|error| error.to_string());
     let shapers = [shaper(x_hz, x_damping)?, shaper(y_hz, y_damping)?];
     let filters = Filters { shapers, extruder: ExtruderFilter::klipper(pressure_advance_s, arguments.smooth_time) };
-    let measured = simulation.by_rules(machine, by, &filters).map_err(|error| error.to_string())?;
+    let (measured, _) = simulation.by_rules(machine, by, &filters).map_err(|error| error.to_string())?;
     let compared = Compared {
         rules: "klipper",
         shaper: kind.to_string(),

@@ -74,6 +74,11 @@ impl RuledMachine {
             .scaled(Scale::NONE)
     }
 
+    /// Returns true if the profile is of a printer with another firmware, whose limits it has.
+    pub fn has_other_firmware(&self) -> bool {
+        self.keys.planned_by != PlannedBy::Own
+    }
+
     /// The same with other limits.
     ///
     /// # Errors

@@ -28,23 +28,33 @@ pub struct ByRules {
 }
 
 impl ByRules {
-    /// The same with Klipper's corners: its square corner velocity, mm/s, and its minimum cruise
-    /// ratio, and the default of the filament's change of speed. Other rules have none of them.
+    /// Returns true if the firmware smooths its pressure advance.
+    pub fn smooths_advance(&self) -> bool {
+        self.rules == Rules::Klipper
+    }
+
+    /// The same with other limits of Klipper's corners, where one is given: its square corner
+    /// velocity, mm/s, its minimum cruise ratio, and the filament's instantaneous corner velocity,
+    /// mm/s. Other rules have none of them.
     ///
     /// # Errors
     /// Names the limit with which Klipper makes no plan.
     pub fn with_klippers_corners(
         mut self,
-        square_corner_velocity_mm_per_s: f64,
-        minimum_cruise_ratio: f64,
+        square_corner_velocity_mm_per_s: Option<f64>,
+        minimum_cruise_ratio: Option<f64>,
+        instantaneous_corner_velocity_mm_per_s: Option<f64>,
     ) -> Result<Self, SettingError> {
         if let Planner::Klipper(planner) = &mut self.planner {
-            planner.set(KlipperSettings {
-                square_corner_velocity_mm_per_s,
-                minimum_cruise_ratio,
-                instantaneous_corner_velocity_mm_per_s: 1.0,
-                ..*planner.settings()
-            })?;
+            let mut settings = *planner.settings();
+            for (limit, given) in [
+                (&mut settings.square_corner_velocity_mm_per_s, square_corner_velocity_mm_per_s),
+                (&mut settings.minimum_cruise_ratio, minimum_cruise_ratio),
+                (&mut settings.instantaneous_corner_velocity_mm_per_s, instantaneous_corner_velocity_mm_per_s),
+            ] {
+                *limit = given.unwrap_or(*limit);
+            }
+            planner.set(settings)?;
         }
         Ok(self)
     }

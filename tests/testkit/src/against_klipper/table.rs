@@ -185,12 +185,12 @@ pub fn measure(case: &Case, job: &Path, cell: Cell) -> Figures {
     let machine = Machine { frame, ..Machine::default() };
     let klipper = |corner_mm_per_s: f64, cruise_ratio: f64| -> Report {
         let by = RuledMachine::parse(&text, &case.profile, Some(PlannedBy::Klipper)).unwrap().by.unwrap();
-        let by = by.with_klippers_corners(corner_mm_per_s, cruise_ratio).unwrap();
+        let by = by.with_klippers_corners(Some(corner_mm_per_s), Some(cruise_ratio), Some(1.0)).unwrap();
         let filter = filters.compared.unwrap();
         let shapers = [0, 1]
             .map(|axis: usize| Shaper::new(filter.kind, filter.frequency_hz[axis], filter.damping[axis]).unwrap());
         let filters = Filters { shapers, extruder: ExtruderFilter::klipper(0.0, 0.04) };
-        simulation.by_rules(&machine, by, &filters).unwrap().0
+        simulation.by_rules(&machine, by, &filters).unwrap().0.0
     };
     let report = match cell.plan {
         Plan::Klipper => klipper(5.0, 0.5),
