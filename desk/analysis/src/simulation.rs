@@ -264,16 +264,13 @@ impl Simulation {
         let job = self.path.as_ref().map(|path| &path.job);
         let ByRulesPlan { plans, durations_s, after_own, stopped } =
             by_rules::planned(&self.text()?, job, &self.profile, by, self.filament_mm2);
-        let mut path = match job {
-            Some(job) => PathSource::of_job(job, durations_s, self.filament_mm2),
+        let path = match job {
+            Some(job) => PathSource::of_job(job, durations_s, self.filament_mm2).may_join_moves(),
             None => PathSource::of_steps(self.filament_mm2),
         };
         let stopped = match (stopped, &self.steps) {
             (None, _) => None,
-            (Some(error), Steps::Job(_)) => {
-                path = path.may_end_early();
-                Some(error)
-            }
+            (Some(error), Steps::Job(_)) => Some(error),
             (Some(error), Steps::Trace(_)) => return Err(SimulationError::Job(error)),
         };
         let header = match &self.steps {

@@ -166,6 +166,10 @@ fn a_job_is_measured_under_the_plan_of_other_rules() {
     assert!(number(&both, &["ringing", "rms_um"]) > 1.5 * number(&both, &["compared", "ringing", "rms_um"]), "{both}");
     let shaped = run("simulate", &job, &["--rules", "klipper", "--input-shaper", "mzv"]);
     assert!(number(&shaped, &["ringing", "relative"]) < 0.3, "{shaped}");
+    // Marlin adds a move of less than six steps to the next.
+    let short =
+        file(&folder, "short.gcode", JOB.replace("G1 Y60 E1.5\n", "G1 E.02\nG1 Y60 E1.5\nG1 E.02\n") + "G1 E.02\n");
+    assert!(number(&run("simulate", &short, &["--rules", "marlin-classic-jerk"]), &["time_s"]) > 3.0);
     // A file whose path only the printer's macros know is measured against the path that it draws.
     let macros = file(&folder, "macros.gcode", JOB.replacen("G28\n", "START_PRINT\n", 1));
     assert_eq!(run("simulate", &macros, &of_profile)["path"], "steps");

@@ -130,13 +130,20 @@ fn after_own(spans: &[Span]) -> Vec<u32> {
 /// the moves after.
 fn durations_s(job: &Job, spans: &[Span]) -> Vec<f64> {
     let mut durations_s = Vec::with_capacity(job.moves.len());
-    let mut groups = spans.split_inclusive(|span| span.ends_move);
-    for moves in job.moves.split_inclusive(|one| one.kind.ends_with_a_record()) {
+    let mut rest = job.moves.as_slice();
+    for group in spans.split_inclusive(|span| span.ends_move) {
+        // A move that is too short for the rules goes with the next one, and has no end of its own.
+        let end = group.last().filter(|last| last.ends_move).map(|last| last.line);
+        let is_last = |one: &Move| one.kind.ends_with_a_record() && end.is_none_or(|line| one.line == line);
+        let Some(last) = rest.iter().position(is_last) else { break };
+        let (moves, after) = rest.split_at(last + 1);
+        rest = after;
         let lines: HashSet<u32> = moves.iter().map(|one| one.line).collect();
         // The printer's own moves are of no line here.
-        let pieces = groups.next().unwrap_or_default().iter().filter(|span| lines.contains(&span.line));
+        let pieces = group.iter().filter(|span| lines.contains(&span.line));
         share(moves, pieces.copied(), &mut durations_s);
     }
+    share(rest, std::iter::empty(), &mut durations_s);
     durations_s
 }
 

@@ -75,7 +75,7 @@ pub struct PathSource {
 
 #[derive(Debug)]
 enum From {
-    Job { moves: std::vec::IntoIter<(Move, f64)>, may_end_early: bool },
+    Job { moves: std::vec::IntoIter<(Move, f64)>, may_end_early: bool, joins: bool },
     Steps { points: Vec<Point> },
 }
 
@@ -92,7 +92,10 @@ impl PathSource {
     /// several moves of one line is shared out.
     pub fn of_job(job: &Job, durations_s: Vec<f64>, filament_mm2: f64) -> Self {
         let moves: Vec<(Move, f64)> = job.moves.iter().copied().zip(durations_s).collect();
-        Self { from: From::Job { moves: moves.into_iter(), may_end_early: false }, ..Self::of_steps(filament_mm2) }
+        Self {
+            from: From::Job { moves: moves.into_iter(), may_end_early: false, joins: false },
+            ..Self::of_steps(filament_mm2)
+        }
     }
 
     /// Gives G10 and G11 no separate time: they ride on travels.
@@ -117,6 +120,15 @@ impl PathSource {
     pub fn may_end_early(mut self) -> Self {
         if let From::Job { may_end_early, .. } = &mut self.from {
             *may_end_early = true;
+        }
+        self
+    }
+
+    /// The plan may add a move that is too short to the next one, whose end is then that of both,
+    /// and drop such a move at the end.
+    pub fn may_join_moves(mut self) -> Self {
+        if let From::Job { may_end_early, joins, .. } = &mut self.from {
+            (*may_end_early, *joins) = (true, true);
         }
         self
     }
@@ -148,7 +160,7 @@ impl PathSource {
         filament_mm: f64,
         measures: &mut Measures,
     ) -> Result<(), PathError> {
-        let From::Job { moves, .. } = &mut self.from else {
+        let From::Job { moves, joins, .. } = &mut self.from else {
             self.draw(measures);
             self.restart_points(time_s, place_mm, filament_mm);
             return Ok(());
@@ -159,10 +171,12 @@ impl PathSource {
             let (one, duration_s) = moves.next().ok_or(PathError::Line { traced: line, expected: None })?;
             part.push((one, duration_s));
             if one.kind.ends_with_a_record() {
-                if one.line != line {
+                if one.line == line {
+                    break;
+                }
+                if !*joins {
                     return Err(PathError::Line { traced: line, expected: Some(one.line) });
                 }
-                break;
             }
         }
         let planned_s: f64 = part.iter().map(|(_, duration_s)| duration_s).sum();
@@ -204,7 +218,8 @@ impl PathSource {
         self.draw(measures);
         measures.nothing_until(end_s);
         match &mut self.from {
-            From::Job { moves, may_end_early: false } => match moves.find(|(one, _)| one.kind.ends_with_a_record()) {
+            From::Job { moves, may_end_early: false, .. } => match moves.find(|(one, _)| one.kind.ends_with_a_record())
+            {
                 Some((one, _)) => Err(PathError::Unfinished { line: one.line }),
                 None => Ok(()),
             },
