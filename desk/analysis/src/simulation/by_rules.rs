@@ -132,7 +132,7 @@ fn durations_s(job: &Job, spans: &[Span]) -> Vec<f64> {
     let mut durations_s = Vec::with_capacity(job.moves.len());
     let mut rest = job.moves.as_slice();
     for group in spans.split_inclusive(|span| span.ends_move) {
-        // A move that is too short for the rules goes with the next one, and has no end of its own.
+        // A move that is too short for the rules goes with the next one, and has no separate end.
         let end = group.last().filter(|last| last.ends_move).map(|last| last.line);
         let is_last = |one: &Move| one.kind.ends_with_a_record() && end.is_none_or(|line| one.line == line);
         let Some(last) = rest.iter().position(is_last) else { break };
