@@ -3,9 +3,8 @@
 import base64
 import os
 
-# What a picture looks like: the share of saturated pixels, the middle of their box, and how
-# many hues there are.
-LOOK = """async (picture) => {
+# The start of a function in the page that reads a picture: its size and its bytes, four a pixel.
+READ_PICTURE = """async (picture) => {
   const image = new Image();
   image.src = 'data:image/png;base64,' + picture;
   await image.decode();
@@ -14,7 +13,11 @@ LOOK = """async (picture) => {
   const context = canvas.getContext('2d');
   context.drawImage(image, 0, 0);
   const { data } = context.getImageData(0, 0, image.width, image.height);
-  let count = 0;
+"""
+
+# What a picture looks like: the share of saturated pixels, the middle of their box, and how
+# many hues there are.
+LOOK = READ_PICTURE + """  let count = 0;
   const box = [Infinity, Infinity, -Infinity, -Infinity];
   const hues = new Set();
   for (let i = 0; i < data.length; i += 4) {

@@ -6,20 +6,11 @@ Prints one line of JSON: errors of the console, requests, and what is seen with 
 import json
 import sys
 
-from pages import drawn, launched, opened, picture
+from pages import READ_PICTURE, drawn, launched, opened, picture
 from playwright.sync_api import sync_playwright
 
 # The share of grey pixels of the view, neither as dark as its text nor as light as its ground.
-GREY = """async (picture) => {
-  const image = new Image();
-  image.src = 'data:image/png;base64,' + picture;
-  await image.decode();
-  const canvas = document.createElement('canvas');
-  [canvas.width, canvas.height] = [image.width, image.height];
-  const context = canvas.getContext('2d');
-  context.drawImage(image, 0, 0);
-  const { data } = context.getImageData(0, 0, image.width, image.height);
-  let count = 0;
+GREY = READ_PICTURE + """  let count = 0;
   for (let i = 0; i < data.length; i += 4) {
     const [most, least] = [Math.max(data[i], data[i + 1], data[i + 2]), Math.min(data[i], data[i + 1], data[i + 2])];
     if (most - least < 14 && most > 60 && most < 200) count += 1;
