@@ -112,6 +112,11 @@ impl fmt::Display for FileError {
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Problem::Read { what, meant, built_in, error } if error.kind() == std::io::ErrorKind::NotFound => {
+                let names = built_in.join(", ");
+                write!(f, "there is no such file, and no built-in {what} of this name ({names})")?;
+                meant.map_or(Ok(()), |meant| write!(f, ": did you mean {meant}?"))
+            }
             Problem::Read { what, meant, built_in, error } => {
                 write!(f, "cannot read {what}: {error}; ")?;
                 if let Some(meant) = meant {

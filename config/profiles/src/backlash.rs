@@ -14,16 +14,16 @@ const WAY: Range = range(0.0, Backlash::MAX_SMOOTHING_MM, "mm");
 pub(crate) fn backlash(keys: &Section<'_>, kinematics: Kinematics) -> Option<Backlash> {
     let table = keys.optional_section(
         "backlash",
-        "not taken up",
-        "the [play of the drives](backlash.md) of X, Y and Z, taken up where a motor turns (M425)",
+        "not compensated",
+        "[backlash](backlash.md) of X, Y and Z, compensated where a motor reverses (M425)",
     )?;
     let play_mm = table
         .numbers("play_mm", AXES, [PLAY; 3])
-        .or([0.0; 3], "by how far a motor turns after a reversal before its axis follows; 0 on axes that share motors");
-    let correction = table.number("correction", PART).or(1.0, "which part of it is taken up (M425 F)");
+        .or([0.0; 3], "backlash: motor travel after a reversal before the axis follows; 0 on axes that share motors");
+    let correction = table.number("correction", PART).or(1.0, "share of the backlash to compensate (M425 F)");
     let smoothing_mm = table
         .number("smoothing_mm", WAY)
-        .or(Backlash::SMOOTHING_MM, "the way on which that happens, those of X, Y and Z added (M425 S)");
+        .or(Backlash::SMOOTHING_MM, "distance over which the correction is spread, X, Y and Z added (M425 S)");
     let backlash = Backlash { play_mm, correction, smoothing_mm };
     if let Some(axis) = backlash.shared_axis(kinematics) {
         let name = AXES[axis];

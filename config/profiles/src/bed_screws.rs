@@ -19,26 +19,24 @@ pub(crate) fn bed_screws(
     safe: &SafeHoming,
     is_measured: bool,
 ) -> Option<BedScrews> {
-    let about = "with a probe: by how much to [turn the screws](levelling.md#screws) that the bed stands on (G35)";
+    let about = "with a probe: how far to [turn the screws](levelling.md#screws) of the bed (G35)";
     let table = keys.optional_section("bed_screws", "not known", about)?;
     if !is_measured {
         keys.refuse("bed_screws", "homing.z.sensor = \"probe\" with it, and a motor for Z alone");
     }
-    let pitch = table
-        .number("pitch_mm", PITCH)
-        .required("by how much a turn moves the bed: 0.5 for M3, 0.7 for M4, 0.8 for M5");
-    let clockwise_lifts = table.flag("clockwise_lifts").or(true, "a turn clockwise lifts the bed to the nozzle");
+    let pitch = table.number("pitch_mm", PITCH).required("thread pitch: 0.5 for M3, 0.7 for M4, 0.8 for M5");
+    let clockwise_lifts = table.flag("clockwise_lifts").or(true, "turning clockwise raises the bed to the nozzle");
     let places = table.named_sections(
         "places",
         "NAME",
         "",
-        "2 to 8 screws; the others are turned to the height of the first",
+        "2 to 8 screws; the first is the reference for the others",
         "a screw of this name",
     );
     let mut screws = [None; BedScrews::MAX];
     for (index, (name, section)) in places.iter().enumerate() {
-        let place_mm =
-            ["x", "y"].map(|axis| section.number(axis, PLACE).required("where it is, within what the probe reaches"));
+        let place_mm = ["x", "y"]
+            .map(|axis| section.number(axis, PLACE).required("screw position, within what the probe reaches"));
         for (axis, (place, [least, most])) in ["x", "y"].into_iter().zip(place_mm.into_iter().zip(*reach_mm)) {
             if is_measured && !(least..=most).contains(&place) {
                 section.refuse(axis, format!("{least} to {most} mm: the probe does not reach it"));

@@ -28,16 +28,17 @@ pub(crate) fn bltouch(
     let table = apart.optional_section(
         "bltouch",
         "the probe is fixed",
-        "[a probe with a pin](homing.md#a-probe-with-a-pin), which goes out for each touch (BLTouch, 3DTouch, CR-Touch); the output that moves \
-         it is the board's `servo`",
+        "[probe with a pin](homing.md#a-probe-with-a-pin) that is deployed for each touch (BLTouch, 3DTouch, \
+         CR-Touch), on the board's `servo` output",
     )?;
-    let move_ms = table.number("move_ms", MOVE).or(DEFAULT_MOVE_MS, "how long the pin may take to go out or in");
+    let move_ms = table.number("move_ms", MOVE).or(DEFAULT_MOVE_MS, "time allowed for the pin to deploy or stow");
     let stows_each_touch = table
         .flag("stow_each_touch")
-        .or(true, "it goes in and out between the fast and the slow approach to a place as well");
+        .or(true, "the pin is also stowed and deployed between the fast and the slow approach");
     let tests_signal = table.flag("test_signal").or(
         true,
-        "before it goes out, it must read as triggered in touch mode, so that no loose wire is found by the nozzle; some clones have no such mode",
+        "before deploying, the pin must read as triggered in touch mode, which detects a loose wire; some clones have \
+         no such mode",
     );
     if !is_probe {
         keys.refuse("bltouch", "homing.z.sensor = \"probe\" with it: a pin is a probe's");

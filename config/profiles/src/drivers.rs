@@ -32,17 +32,19 @@ const MM_PER_TURN: Range = range(0.1, 500.0, "mm");
 pub(crate) fn timing(keys: &Section<'_>, interval_us: f64) -> DriverTiming {
     let table = keys.section("driver", "step and direction signals (A4988: pulses of 1 µs, set-up 0.2 µs)");
     let pulse_us = table.number("pulse_width_us", PULSE_WIDTH).required(
-        "shortest high time and shortest low time of a step pulse: at least 1 µs unless both edges step \
-         ([why](stepping.md#the-reload-value-in-time)), and twice it (once with both edges) within the event interval",
+        "minimum high and low time of a step pulse: at least 1 µs unless both edges step \
+         ([why](stepping.md#the-reload-value-in-time)); twice this time (once with both edges) must fit the event \
+         interval",
     );
     let setup_us = table
         .number("direction_setup_us", DIRECTION_SETUP)
-        .required("time from a direction change to the step after it");
-    let both_edges =
-        table.flag("both_edges").required("each edge of the step signal is a step: the driver must be set up for it");
+        .required("minimum time from a direction change to the next step");
+    let both_edges = table
+        .flag("both_edges")
+        .required("both edges of the step signal are steps; the driver must be set up for this");
     let inverted = table
         .words("inverted", [("x", 0b0001_u8), ("y", 0b0010), ("z", 0b0100), ("e", 0b1000)])
-        .or(Vec::new(), "motors that run the other way round");
+        .or(Vec::new(), "motors whose direction is inverted");
     if !both_edges && pulse_us < MIN_GAP_US {
         let expected = format!(
             "at least {MIN_GAP_US} us, which the step interrupt of a board takes at its worst to end a pulse; or \
@@ -76,7 +78,8 @@ pub(crate) fn timing(keys: &Section<'_>, interval_us: f64) -> DriverTiming {
 pub(crate) fn drivers(keys: &Section<'_>, steps_per_mm: [f64; 4], both_edges: bool) -> [Option<DriverSettings>; 4] {
     let tables = keys.section_of_defaults(
         "drivers",
-        "[motor drivers](drivers.md) that can be set over a serial line (TMC2209); on CoreXY x and y are the motors A and B, on CoreXZ x and z the motors A and C",
+        "[motor drivers](drivers.md) configured over a serial line (TMC2209); on CoreXY x and y are motors A and B, \
+         on CoreXZ x and z are motors A and C",
     );
     let mut steps = steps_per_mm.into_iter();
     MOTORS.map(|motor| {
@@ -88,7 +91,7 @@ pub(crate) fn drivers(keys: &Section<'_>, steps_per_mm: [f64; 4], both_edges: bo
 
 /// The driver of a further extruder's motor, in that extruder's table.
 pub(crate) fn driver(keys: &Section<'_>, motor: &str, steps_per_mm: f64, both_edges: bool) -> Option<DriverSettings> {
-    let table = keys.optional_section("driver", "not set", "the driver of its motor")?;
+    let table = keys.optional_section("driver", "not set", "driver of its motor")?;
     Some(settings(&table, motor, steps_per_mm, both_edges))
 }
 
@@ -97,25 +100,27 @@ pub(crate) fn driver(keys: &Section<'_>, motor: &str, steps_per_mm: f64, both_ed
 fn settings(table: &Section<'_>, motor: &str, steps_per_mm: f64, both_edges: bool) -> DriverSettings {
     let current_ma = table
         .whole("current_ma", DRIVER_CURRENT)
-        .required("effective, in motion (M906); the board's sense resistors allow less");
-    let hold_percent = table.whole("hold_current_percent", HOLD_CURRENT).required("of that, at standstill");
+        .required("RMS run current (M906); the board's sense resistors may allow less");
+    let hold_percent = table
+        .whole("hold_current_percent", HOLD_CURRENT)
+        .required("hold current at standstill, as a share of `current_ma`");
     let microsteps = table
         .whole("microsteps", MICROSTEPS)
-        .required("a power of two: 1, 2, 4, 8, 16, 32, 64, 128 or 256; `steps_per_mm` counts them")
+        .required("microsteps per full step: 1, 2, 4, 8, 16, 32, 64, 128 or 256; `steps_per_mm` counts them")
         as u16;
     if !microsteps.is_power_of_two() {
         table.refuse("microsteps", "1, 2, 4, 8, 16, 32, 64, 128 or 256");
     }
     steps_follow_from_the_screw(table, motor, steps_per_mm, microsteps);
-    let interpolate = table.flag("interpolate").required("the driver makes 256 microsteps of them");
+    let interpolate = table.flag("interpolate").required("the driver interpolates to 256 microsteps");
     let stealth_chop =
-        table.flag("stealth_chop").required("`true`: the quiet stealthChop, `false`: spreadCycle (M569)");
+        table.flag("stealth_chop").required("`true`: stealthChop, which is quiet; `false`: spreadCycle (M569)");
     let above_mm_per_s = table
         .whole("spread_cycle_above_mm_per_s", CHOPPER_SPEED)
-        .required("with stealthChop, spreadCycle from this speed on; 0 = at no speed (M913)");
+        .required("speed from which stealthChop changes to spreadCycle; 0 = never (M913)");
     let stall_threshold = table
         .whole("stall_threshold", STALL_THRESHOLD)
-        .required("the load at which the stall signal comes, more = earlier; 0 = never (M914)");
+        .required("StallGuard threshold: a higher one triggers earlier; 0 = never (M914)");
     DriverSettings {
         current_ma: current_ma as u16,
         hold_percent: hold_percent as u8,
@@ -134,11 +139,11 @@ fn settings(table: &Section<'_>, motor: &str, steps_per_mm: f64, both_edges: boo
 fn steps_follow_from_the_screw(table: &Section<'_>, motor: &str, steps_per_mm: f64, microsteps: u16) {
     let written = table
         .number("full_steps_per_turn", FULL_STEPS_PER_TURN)
-        .optional("200", "of the motor; only beside `mm_per_turn`");
+        .optional("200", "full steps per motor turn; only with `mm_per_turn`");
     let mm_per_turn = table.number("mm_per_turn", MM_PER_TURN).optional(
-        "unchecked",
-        "how far a turn moves (a screw's lead, a pulley's teeth times the belt's pitch). `steps_per_mm` must be \
-         `full_steps_per_turn` · `microsteps` / `mm_per_turn` to 5 %, which catches a slip in any of them",
+        "not checked",
+        "axis travel per motor turn (screw lead, or pulley teeth times belt pitch); `steps_per_mm` must be \
+         `full_steps_per_turn` · `microsteps` / `mm_per_turn` within 5 %, which catches a mistake in any of them",
     );
     let full_steps = written.unwrap_or(USUAL_FULL_STEPS_PER_TURN);
     let Some(mm) = mm_per_turn else {

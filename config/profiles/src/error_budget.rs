@@ -36,27 +36,28 @@ pub struct ErrorBudget {
 pub(crate) fn read(keys: &Section<'_>) -> ErrorBudget {
     let keys = keys.apart();
     let budget_mm = keys.number("error_budget_mm", BUDGET).optional(
-        "accelerations as above",
-        "how far from its path the nozzle may be in 99 % of the printing time: \
-         [accelerations of X and Y are lowered](error-budget.md) until frame and input_shaper keep it",
+        "accelerations as set above",
+        "maximum distance of the nozzle from its path in 99 % of the printing time: [accelerations of X and Y are \
+         lowered](error-budget.md) until frame and input_shaper keep it",
     );
-    let frame =
-        keys.section_of_defaults("frame", "what [`calibrate shaper`](calibration.md) measures, for `error_budget_mm`");
+    let frame = keys.section_of_defaults(
+        "frame",
+        "ringing that [`calibrate shaper`](calibration.md) measures, for `error_budget_mm`",
+    );
     let [x, y, _] = AXES;
     let frame = [x, y].map(|axis| frame.optional_section(axis, "not known", "").map(|axis| mode(&axis)));
     ErrorBudget { budget_mm, frame }
 }
 
 fn mode(keys: &Section<'_>) -> FrameMode {
-    let frequency_hz = keys.number("frequency_hz", FREQUENCY).required("of the axis's ringing");
+    let frequency_hz = keys.number("frequency_hz", FREQUENCY).required("ringing frequency of the axis");
     let most_hz = MAX_UNCERTAINTY * frequency_hz;
     let uncertainty =
         range(0.0, FREQUENCY.high * MAX_UNCERTAINTY, "Hz").at_most(most_hz, "at most half of frequency_hz");
     let frequency_uncertainty_hz = keys
         .number("frequency_uncertainty_hz", uncertainty)
-        .required("the frequency lies within this of it, whatever is printed");
-    let damping =
-        keys.number("damping", DAMPING).or(AxisShaper::NONE.damping, "ratio of the ringing, known to a half of itself");
+        .required("maximum deviation from `frequency_hz`, whatever is printed");
+    let damping = keys.number("damping", DAMPING).or(AxisShaper::NONE.damping, "damping ratio, known to ±50 %");
     FrameMode { frequency_hz, frequency_uncertainty_hz, damping }
 }
 

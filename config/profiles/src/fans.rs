@@ -89,7 +89,7 @@ pub(crate) fn fans(keys: &Section<'_>) -> FanTable {
 fn fan(name: &'static str, keys: &Section<'_>) -> (Option<FanOutput>, FanSettings) {
     let output = keys
         .word("output", FanOutput::ALL.map(|output| (output.name(), output)))
-        .optional("the one of that name", "the board's output")
+        .optional("the output of that name", "the board's output")
         .or_else(|| FanOutput::ALL.into_iter().find(|output| output.name() == name));
     if output.is_none() {
         keys.refuse("output", "an output of the board: part, hotend or fan2 to fan5");
@@ -99,15 +99,15 @@ fn fan(name: &'static str, keys: &Section<'_>) -> (Option<FanOutput>, FanSetting
         .word("turns", [("command", Turns::ByCommand), ("hotend", Turns::HotEnd), ("controller", Turns::Controller)])
         .optional(
             "`\"hotend\"` at the output `hotend`, else `\"command\"`",
-            "by M106 and SET_FAN_SPEED; above a hot nozzle; or while motors have current or the bed heats",
+            "on M106 and SET_FAN_SPEED; while a nozzle is hot; or while motors have current or the bed heats",
         )
         .unwrap_or(usual);
     let number = keys
         .whole("number", NUMBER)
-        .optional("0 for `part`, else none", "P of M106 and M107, of a fan that turns by command")
+        .optional("0 for `part`, else none", "P of M106 and M107, for a commanded fan")
         .map(|number| number as u8);
-    let power = keys.number("power", POWER).or(1.0, "power of a controller's fan");
-    let idle_s = keys.number("idle_s", IDLE).or(60.0, "for how long a controller's fan runs after the motors");
+    let power = keys.number("power", POWER).or(1.0, "power of a controller fan");
+    let idle_s = keys.number("idle_s", IDLE).or(60.0, "time that a controller fan runs on after the motors");
     let settings = FanSettings {
         name,
         rule: match turns {
@@ -116,16 +116,17 @@ fn fan(name: &'static str, keys: &Section<'_>) -> (Option<FanOutput>, FanSetting
             Turns::HotEnd => FanRule::HotEnd,
             Turns::Controller => FanRule::Controller { power: byte(power), idle_s: idle_s.round() as u16 },
         },
-        kick_start_ms: (keys.number("kick_start_s", KICK_START).or(0.0, "full power for so long when it starts") * 1e3)
+        kick_start_ms: (keys.number("kick_start_s", KICK_START).or(0.0, "time at full power when the fan starts") * 1e3)
             .round() as u16,
         least_power: byte(
-            keys.number("least_power", POWER).or(0.0, "what it gets where less is asked for, but not where nothing is"),
+            keys.number("least_power", POWER).or(0.0, "minimum power: lower settings above 0 are raised to it"),
         ),
         least_rpm: keys
             .number("least_rpm", SPEED)
             .or(
                 0.0,
-                "slower than this at full power [a print pauses](fans.md#a-fan-that-does-not-turn); 0 = not looked at",
+                "minimum speed at full power, below which [a print pauses](fans.md#a-fan-that-does-not-turn); 0 = not \
+                 checked",
             )
             .round() as u16,
     };
@@ -168,16 +169,16 @@ fn check_outputs(keys: &Section<'_>, table: &FanTable) {
 fn other_output(name: &'static str, keys: &Section<'_>) -> (Option<FanOutput>, FanSettings) {
     let output = keys
         .word("output", FanOutput::ALL.map(|output| (output.name(), output)))
-        .optional("none, and the table is refused", "the board's output for a fan");
+        .optional("none, and the table is refused", "fan output of the board");
     if output.is_none() {
         keys.refuse("output", "an output of the board: part, hotend or fan2 to fan5");
     }
-    let number = keys.whole("number", NUMBER).optional("by its name only", "P of M42").map(|number| number as u8);
+    let number = keys.whole("number", NUMBER).optional("set by name only", "P of M42").map(|number| number as u8);
     let is_pwm =
-        keys.flag("pwm").or(false, "whether it may be anything between off and full; without, M42 S1 and more is full");
+        keys.flag("pwm").or(false, "PWM for values between off and full; without it, M42 S1 and above is full");
     let color = keys.word("color", [("red", Red), ("green", Green), ("blue", Blue), ("white", White)]).optional(
         "none",
-        "which colour of a light it is: [M150](fans.md#a-light-of-several-colours) R, U, B or W; with pwm = true",
+        "colour channel of a light: [M150](fans.md#a-light-of-several-colours) R, U, B or W; needs pwm = true",
     );
     if color.is_some() && !is_pwm {
         keys.refuse("color", "pwm = true with it");
@@ -189,8 +190,9 @@ fn other_output(name: &'static str, keys: &Section<'_>) -> (Option<FanOutput>, F
         }
         byte(power)
     };
-    let at_start = power("at_start", "at the start");
-    let at_halt = power("at_halt", "while the machine is [halted](safety.md#what-happens-then), and after a panic");
+    let at_start = power("at_start", "value at start-up");
+    let at_halt =
+        power("at_halt", "value while the machine is [halted](safety.md#what-happens-then), and after a panic");
     let rule = FanRule::Output { number, is_pwm, at_start, at_halt, color };
     (output, FanSettings { name, rule, kick_start_ms: 0, least_power: 0, least_rpm: 0 })
 }

@@ -34,20 +34,20 @@ pub(crate) fn filament_sensor(keys: &Section<'_>) -> Option<FilamentSensor> {
     )?;
     let kind = table.word("kind", [("switch", Kind::Switch), ("motion", Kind::Motion)]).or(
         Kind::Switch,
-        "what its signal tells: whether there is filament, or, by changing its level again and again, that filament moves",
+        "sensor type: a switch detects the presence of filament, a motion sensor toggles while filament moves",
     );
     let missing_is_low = table
         .flag("missing_is_low")
-        .optional("required of a switch", "whether a switch's signal is low while filament is missing");
+        .optional("required for a switch", "whether the switch signal is low while filament is missing");
     let [least, most] = [FilamentSensor::MIN_DETECTION_10NM, FilamentSensor::MAX_DETECTION_10NM];
     let detection = range(least as f64 / 1e5, most as f64 / 1e5, "mm");
     let detection_mm = table.number("detection_mm", detection).optional(
         "7",
-        "how much filament is pushed without a change of a motion sensor's level before it counts as standing still (M412 D)",
+        "filament pushed without a change of a motion sensor's level before it counts as stopped (M412 D)",
     );
     let debounce_s = table.number("debounce_s", DEBOUNCE).optional(
         "0.5 for a switch, 0.005 for a motion sensor",
-        "how long it must say the same; for a motion sensor at most 0.05",
+        "time the signal must be stable; for a motion sensor at most 0.05",
     );
     match kind {
         Kind::Switch if missing_is_low.is_none() => table.refuse("missing_is_low", "true or false, of a switch"),
@@ -80,10 +80,12 @@ pub(crate) fn filament_switch(keys: &Section<'_>, sensor: Option<FilamentSensor>
     let table = keys.optional_section(
         "filament_switch",
         "no second sensor",
-        "a switch beside a [`filament_sensor`](gcode.md#two-filament-sensors) of the kind motion; its pin is the board's `filament2`",
+        "switch in addition to a [`filament_sensor`](gcode.md#two-filament-sensors) of kind `\"motion\"`; its pin is \
+         the board's `filament2`",
     )?;
-    let missing_is_low = table.flag("missing_is_low").required("whether its signal is low while filament is missing");
-    let debounce_s = table.number("debounce_s", DEBOUNCE).or(SWITCH_DEBOUNCE_S, "how long it must say the same");
+    let missing_is_low =
+        table.flag("missing_is_low").required("whether the switch signal is low while filament is missing");
+    let debounce_s = table.number("debounce_s", DEBOUNCE).or(SWITCH_DEBOUNCE_S, "time the signal must be stable");
     if sensor.and_then(|sensor| sensor.detection_10nm()).is_none() {
         table.refuse(
             "missing_is_low",

@@ -74,7 +74,7 @@ struct Control {
 /// Text for a key whose default is that of the first nozzle.
 const OF_FIRST: &str = "as `nozzle`";
 
-const FAN_GAIN: &str = "power that the part-cooling fan takes, for each degree between 25 °C and the target (M303)";
+const FAN_GAIN: &str = "power lost to the part-cooling fan, per degree between 25 °C and the target (M303)";
 
 /// A value of single precision as it was written.
 fn shortest(value: f32) -> f64 {
@@ -126,16 +126,16 @@ const CHAMBER: Kind<'static> = Kind {
 pub(crate) fn chamber(keys: &Section<'_>) -> Option<ChamberSettings> {
     let table = keys.optional_section(
         "chamber",
-        "its temperature is not known",
+        "no chamber sensor",
         "the chamber around the printer: [M141 and M191](heaters.md#a-chamber)",
     )?;
     let names = |connectors: [SpareConnector; 3]| connectors.map(|connector| (connector.name(), connector));
     let thermistor = table
         .word("thermistor", SpareConnector::THERMISTORS.map(|connector| (connector.name(), connector)))
-        .required("the board's input that its thermistor is connected to");
+        .required("board input of the thermistor");
     let heater = table
         .word("heater", names(SpareConnector::HEATERS))
-        .optional("no heater: the bed warms it", "the board's output that its heater is connected to");
+        .optional("no heater: the bed warms it", "board output of the heater");
     let mut settings = heater_of(&table, "chamber", &CHAMBER);
     settings.is_heated = heater.is_some();
     settings.is_warmed_by_others = true;
@@ -160,20 +160,22 @@ pub(crate) fn heaters(keys: &Section<'_>) -> [(HeaterSettings, Option<HeaterMode
 
 /// The model that controls a heater.
 fn control_model(heater: &Section<'_>, name: &str) -> Option<HeaterModel> {
-    let about = "a [model](heaters.md#control-by-a-model) controls the heater: M306 T finds all but `power_w` and the filament's; the gains \
-                 of the PID loop have no effect beside it";
-    let model = heater.optional_section("control_model", "the PID loop controls it", about)?;
-    let power_w = model.number("power_w", MODEL_POWER).required("of the heater at full") as f32;
-    let capacity_j_per_k = model.number("capacity_j_per_k", MODEL_CAPACITY).required("of what it heats") as f32;
-    let loss = model.number("loss_w_per_k", MODEL_LOSS).required("to still air");
-    let sensor_per_s =
-        model.number("sensor_per_s", MODEL_SENSOR).required("how fast the thermistor follows: one over its lag") as f32;
+    let about = "a [model](heaters.md#control-by-a-model) controls the heater instead of the PID loop, whose gains \
+                 have no effect: M306 T finds all but `power_w` and `filament_j_per_k_mm`";
+    let model = heater.optional_section("control_model", "PID control", about)?;
+    let power_w = model.number("power_w", MODEL_POWER).required("heater power at full output") as f32;
+    let capacity_j_per_k =
+        model.number("capacity_j_per_k", MODEL_CAPACITY).required("heat capacity of what is heated") as f32;
+    let loss = model.number("loss_w_per_k", MODEL_LOSS).required("heat loss to still air");
+    let sensor_per_s = model
+        .number("sensor_per_s", MODEL_SENSOR)
+        .required("response of the thermistor: one over its time constant") as f32;
     let fanned = model
         .number("fanned_loss_w_per_k", MODEL_LOSS.at_least(loss, "at least loss_w_per_k"))
-        .optional("`loss_w_per_k`", "the nozzle's with the part-cooling fan at full power");
+        .optional("`loss_w_per_k`", "heat loss of the nozzle with the part-cooling fan at full power");
     let filament = model
         .number("filament_j_per_k_mm", MODEL_FILAMENT)
-        .optional("0.0054, PLA of 1.75 mm", "heat that a millimetre of filament takes from the nozzle");
+        .optional("0.0054, PLA of 1.75 mm", "heat that each millimetre of filament takes from the nozzle");
     if name == "bed" {
         for (key, value) in [("fanned_loss_w_per_k", fanned), ("filament_j_per_k_mm", filament)] {
             if value.is_some() {
@@ -204,12 +206,12 @@ fn heater_of(table: &Section<'_>, name: &'static str, kind: &Kind<'_>) -> Heater
     let min_celsius = or_base(
         apart.number("min_celsius", HEATER_MIN),
         kind.base.map(|base| base.min_celsius.into()),
-        "and what `sensor` can read; below this all heaters are switched off",
+        "below this all heaters are switched off; within what `sensor` can read",
     ) as f32;
     let max_celsius = or_base(
         table.number("max_celsius", kind.max_celsius),
         kind.base.map(|base| base.max_celsius.into()),
-        "and what `sensor` can read; at or above this all heaters are switched off",
+        "at or above this all heaters are switched off; within what `sensor` can read",
     ) as f32;
     for (key, celsius) in [("min_celsius", min_celsius), ("max_celsius", max_celsius)] {
         if !thermistor.can_tell(celsius) {
@@ -224,7 +226,7 @@ fn heater_of(table: &Section<'_>, name: &'static str, kind: &Kind<'_>) -> Heater
     let target = range(HEATER_MIN.high, kind.max_celsius.high, "degrees Celsius");
     let max_target_celsius = apart
         .number("max_target_celsius", target.at_most(max_celsius.into(), "at most max_celsius"))
-        .optional("`max_celsius`", "higher targets are refused (M104, M140, M141)");
+        .optional("`max_celsius`", "maximum target: higher ones are refused (M104, M140, M141)");
     let watch = watch(&apart, kind);
     let or = |field: Field<'_, f64>, default: Option<f64>, base: Option<f64>, about: &'static str| match default {
         Some(default) => field.or(default, about),
@@ -234,13 +236,13 @@ fn heater_of(table: &Section<'_>, name: &'static str, kind: &Kind<'_>) -> Heater
         apart.number("residency_window_celsius", RESIDENCY_WINDOW),
         kind.control.as_ref().map(|control| control.window_celsius),
         kind.base.map(|base| shortest(base.residency_window_celsius)),
-        "at most `runaway_celsius`: M109 (M190, M191) waits until the temperature has stayed this near the target",
+        "M109 (M190, M191) waits until the temperature has stayed this near the target; at most `runaway_celsius`",
     ) as f32;
     let residency_s = or(
         apart.number("residency_s", RESIDENCY),
         kind.control.as_ref().map(|control| control.residency_s),
         kind.base.map(|base| f64::from(base.residency_ms) / 1e3),
-        "for this long",
+        "time that the temperature must stay near the target",
     );
     if residency_window_celsius > watch.runaway_celsius {
         // M109 would take a runaway for the reached target.
@@ -273,9 +275,12 @@ fn gains(heater: &Section<'_>, kind: &Kind<'_>) -> PidGains {
         }
     };
     PidGains {
-        proportional: gain("proportional", PROPORTIONAL, "PID gain; power is 0 to 1 (M303 finds it)", |gains| {
-            gains.proportional
-        }),
+        proportional: gain(
+            "proportional",
+            PROPORTIONAL,
+            "proportional PID gain, for power from 0 to 1 (M303)",
+            |gains| gains.proportional,
+        ),
         integral: gain("integral", INTEGRAL, "PID gain (M303)", |gains| gains.integral),
         derivative: gain("derivative", DERIVATIVE, "PID gain (M303)", |gains| gains.derivative),
         fan: match kind.base {
@@ -289,21 +294,19 @@ fn gains(heater: &Section<'_>, kind: &Kind<'_>) -> PidGains {
 
 /// Heated mass of the virtual board's heater.
 fn mass(heater: &Section<'_>, kind: &Kind<'_>) -> HeatedMass {
-    let about = "what the heater heats, for the [virtual board](virtual-board.md) alone";
+    let about = "thermal model of the heater, for the [virtual board](virtual-board.md) only";
     let Some(model) = heater.optional_section("model", kind.mass_in_words, about) else { return kind.mass };
     HeatedMass {
         heater_w: model.number("power_w", POWER).required("") as f32,
         capacity_j_per_k: model.number("capacity_j_per_k", CAPACITY).required("") as f32,
-        loss_w_per_k: model.number("loss_w_per_k", LOSS).required("to the air") as f32,
+        loss_w_per_k: model.number("loss_w_per_k", LOSS).required("heat loss to the air") as f32,
         fan_loss_w_per_k: model
             .number("fan_loss_w_per_k", FAN_LOSS)
-            .or(0.0, "more with the part-cooling fan at full power") as f32,
+            .or(0.0, "additional heat loss with the part-cooling fan at full power") as f32,
         dead_time_s: model
             .number("dead_time_s", DEAD_TIME)
-            .or(0.0, "from a change of power until the temperature answers") as f32,
-        sensor_lag_s: model
-            .number("sensor_lag_s", DEAD_TIME)
-            .or(0.0, "time constant with which the thermistor follows the temperature") as f32,
+            .or(0.0, "delay from a change of power to the temperature's response") as f32,
+        sensor_lag_s: model.number("sensor_lag_s", DEAD_TIME).or(0.0, "time constant of the thermistor") as f32,
     }
 }
 
@@ -322,7 +325,7 @@ fn thermistor(heater: &Section<'_>, base: Option<&Thermistor>) -> Thermistor {
         None => field.required(about),
     };
     let field = heater.number("pull_up_ohm", PULL_UP);
-    let about = "from the sensor to the reference voltage";
+    let about = "pull-up resistor from the sensor to the reference voltage";
     let pull_up_ohm = match base {
         Some(base) => field.optional(OF_FIRST, about).map_or(base.pull_up_ohm, |ohm| ohm as f32),
         None => field.or(Thermistor::USUAL_PULL_UP_OHM.into(), about) as f32,
@@ -334,15 +337,15 @@ fn thermistor(heater: &Section<'_>, base: Option<&Thermistor>) -> Thermistor {
 fn by_data_sheet(sheet: &Section<'_>) -> ThermistorType {
     let celsius = sheet
         .several("celsius", POINT_CELSIUS, "[25, 150, 250]")
-        .optional("`r25_ohm` and `beta_k`", "three temperatures, rising, as far apart as the heater's use");
+        .optional("`r25_ohm` and `beta_k`", "three rising temperatures that span the heater's use");
     let ohm = sheet
         .several("ohm", POINT_OHM, "[100000, 1642, 226.2]")
-        .optional("`r25_ohm` and `beta_k`", "the resistances there");
+        .optional("`r25_ohm` and `beta_k`", "resistances at these temperatures");
     let other = match (celsius, ohm) {
         (None, None) => {
             return ThermistorType::Beta {
-                r25_ohm: sheet.number("r25_ohm", R25).required("resistance at 25 °C, beside `beta_k`") as f32,
-                beta_k: sheet.number("beta_k", BETA).required("beta of the data sheet") as f32,
+                r25_ohm: sheet.number("r25_ohm", R25).required("resistance at 25 °C, with `beta_k`") as f32,
+                beta_k: sheet.number("beta_k", BETA).required("beta from the data sheet") as f32,
             };
         }
         (Some(celsius), Some(ohm)) if celsius.is_sorted_by(|lower, upper| lower < upper) => {
@@ -375,18 +378,17 @@ fn watch(heater: &Section<'_>, kind: &Kind<'_>) -> HeaterWatch {
         watch_ms: milliseconds(
             heater
                 .number("watch_s", kind.watch_s)
-                .or(seconds(default.watch_ms), "while it heats up, the temperature must rise within this time ..."),
+                .or(seconds(default.watch_ms), "time in which the temperature must rise while heating up ..."),
         ),
-        watch_celsius: heater.number("watch_celsius", WATCH_RISE).or(default.watch_celsius.into(), "... by this much")
+        watch_celsius: heater.number("watch_celsius", WATCH_RISE).or(default.watch_celsius.into(), "... by this amount")
             as f32,
-        runaway_ms: milliseconds(
-            heater
-                .number("runaway_s", kind.runaway_s)
-                .or(seconds(default.runaway_ms), "once at its target, the temperature may for no longer than this ..."),
-        ),
+        runaway_ms: milliseconds(heater.number("runaway_s", kind.runaway_s).or(
+            seconds(default.runaway_ms),
+            "maximum time, once the target is reached, that the temperature may be ...",
+        )),
         runaway_celsius: heater.number("runaway_celsius", kind.hysteresis).or(
             default.runaway_celsius.into(),
-            "... be farther below it than this; [less for low targets](safety.md#what-is-watched)",
+            "... farther below it than this; [less for low targets](safety.md#what-is-watched)",
         ) as f32,
     }
 }

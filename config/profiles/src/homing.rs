@@ -33,7 +33,7 @@ pub(crate) fn homing(
 ) -> ([AxisHoming; 3], SafeHoming) {
     let tables = keys.section(
         "homing",
-        "[what keeps the nozzle off the bed](homing.md), of which a probe needs the first three; and homing of each axis",
+        "[homing](homing.md) of each axis; a probe needs `raise_mm`, `home_at_mm` and `probe_offset_mm` too",
     );
     let safe = SafeKeys::read(&tables, travel);
     let mut index = 0..;
@@ -79,20 +79,18 @@ impl SafeKeys {
                 .number("raise_mm", RAISE.at_most(travel.upper_mm[2] / 2.0, "at most half of size_mm.z"))
                 .optional(
                     "0",
-                    "height over the bed that Z has at least while X and Y home; a Z that is not homed is raised by it: leave \
-                     the frame that much room above the travel",
+                    "minimum height above the bed while X and Y home; an unhomed Z is raised by it: leave that much \
+                     room above the travel",
                 ),
             home_at_mm: tables.numbers("home_at_mm", ["x", "y"], within).optional(
-                "wherever it is",
-                "where the nozzle stands while Z homes, with the probe above the bed; Z then homes only with X and Y homed",
+                "the current position",
+                "nozzle position for homing Z, with the probe above the bed; Z then homes only with X and Y homed",
             ),
-            probe_offset_mm: apart
-                .numbers("probe_offset_mm", AXES, [PROBE_OFFSET, PROBE_OFFSET, offset_z])
-                .optional(
-                    "",
-                    "with a probe only: from the nozzle's tip to where the probe triggers (M851); z = −1: the nozzle is then \
-                     1 mm above the bed, and z is not above 0 but to correct a measurement",
-                ),
+            probe_offset_mm: apart.numbers("probe_offset_mm", AXES, [PROBE_OFFSET, PROBE_OFFSET, offset_z]).optional(
+                "",
+                "with a probe only: offset from the nozzle's tip to the probe's trigger point (M851); z = −1: the \
+                 probe triggers with the nozzle 1 mm above the bed; z above 0 only corrects a measurement",
+            ),
             bed_mm,
             is_round,
         }
@@ -155,12 +153,12 @@ impl SafeKeys {
 /// Place of the bed, and true if it is a circle; the whole travel if the file has no `bed_mm`.
 fn bed(tables: &Section<'_>, travel: &Travel) -> ([[f64; 2]; 2], bool) {
     let whole = [0, 1].map(|axis: usize| [travel.lower_mm[axis], travel.upper_mm[axis]]);
-    let about = "where the probe finds the bed";
+    let about = "extent of the bed, for the probe";
     let Some(table) = tables.optional_section("bed_mm", "the whole travel", about) else { return (whole, false) };
     let ends @ [[left, right], [front, back]] = ["x", "y"].map(|axis| table.ends(axis, BED).required(""));
     let is_round = table
         .flag("round")
-        .or(false, "the bed is the circle between these ends: [it alone is probed](levelling.md#a-round-bed)");
+        .or(false, "the bed is the circle between these ends: [only it is probed](levelling.md#a-round-bed)");
     if is_round && units_10nm(right - left) != units_10nm(back - front) {
         table.refuse("y", format!("{} mm from end to end as X has, for a round bed", right - left));
     }
@@ -179,36 +177,37 @@ impl Lengths {
         let apart = table.apart();
         let end = apart
             .word("end", [("min", HomeEnd::Min), ("max", HomeEnd::Max)])
-            .required("end of the travel towards which it moves");
+            .required("end of the travel towards which the axis homes");
         let sensors = [("end-stop", HomeSensor::EndStop), ("probe", HomeSensor::Probe), ("stall", HomeSensor::Stall)];
         let sensor = apart.word("sensor", sensors).required(
-            "what it meets there ([Homing](homing.md)): a switch; on Z, a probe; on X and Y, the frame, and the driver's stall \
-             signal (`stall_threshold`)",
+            "sensor at that end ([Homing](homing.md)): a switch; on Z, a probe; on X and Y, the driver's stall signal \
+             (`stall_threshold`) at the frame",
         );
         let triggers_low =
             apart.flag("triggers_low").or(false, "the sensor's signal is low when it triggers; a stall signal is high");
         let position_mm = table
             .number("position_mm", PLACE.at_most(PLACE.high, "in the half of the travel that end names"))
-            .required("machine coordinate at which the sensor triggers; with a probe that of the bed");
+            .required("machine coordinate at which the sensor triggers; with a probe, the bed's");
         let fast_mm_per_s = apart
             .number("fast_mm_per_s", FEED.at_most(max_feed_mm_per_s, "at most the axis's max_feed_mm_per_s"))
             .required("speed of the first approach");
         let slow_mm_per_s = apart
             .number("slow_mm_per_s", FEED.at_most(fast_mm_per_s, "at most this axis's fast_mm_per_s"))
-            .required("speed of the second approach, which decides the position");
+            .required("speed of the second approach, which sets the position");
         let back_off_mm = apart
             .number("back_off_mm", BACK_OFF.at_most((upper - lower) / 2.0, "at most half of the travel"))
-            .required("path back between the two");
+            .required("distance backed off between the two approaches");
         let overrun_mm = apart.number("overrun_mm", OVERRUN).or(
             DEFAULT_OVERRUN_MM,
-            "how much longer than the travel the frame may be: an approach from an unknown place ends after the travel and this",
+            "how much longer than the travel the frame may be: an approach from an unknown position ends after the \
+             travel plus this",
         );
         let default_agree_mm = if sensor == HomeSensor::Probe { DEFAULT_PROBE_AGREE_MM } else { DEFAULT_AGREE_MM };
         let agree_mm = apart
             .number("agree_mm", AGREE)
             .optional(
                 "0.5, for a probe 0.2",
-                "how far apart the two approaches may meet the sensor; if they are farther apart twice, homing fails",
+                "maximum difference between the trigger positions of the two approaches; beyond it twice, homing fails",
             )
             .unwrap_or(default_agree_mm);
         match sensor {

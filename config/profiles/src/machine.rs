@@ -65,17 +65,20 @@ pub(crate) fn profile(keys: &Section<'_>) -> Machine {
     let model_names = model_names(&apart);
     let nozzle_diameter_mm = apart
         .number("nozzle_diameter_mm", NOZZLE_DIAMETER)
-        .optional("not checked", "a job for another nozzle is refused (M862.1)");
+        .optional("not checked", "nozzle diameter: jobs for another are refused (M862.1)");
     let kinematics = keys
         .word("kinematics", Kinematics::ALL.map(|kinematics| (kinematics.name(), kinematics)))
-        .required("one motor an axis; or motors A = X + Y, B = X − Y; or motors A = X + Z, C = X − Z");
+        .required("one motor per axis; or motors A = X + Y, B = X − Y; or motors A = X + Z, C = X − Z");
     let travel = Travel {
         upper_mm: keys.numbers("size_mm", AXES, [SIZE; 3]).required("upper end of the travel in machine coordinates"),
-        lower_mm: keys.numbers("lower_end_mm", AXES, [LOWER_END; 3]).or([0.0; 3], "lower end of the travel"),
+        lower_mm: keys
+            .numbers("lower_end_mm", AXES, [LOWER_END; 3])
+            .or([0.0; 3], "lower end of the travel in machine coordinates"),
     };
-    let steps_per_mm = keys
-        .numbers("steps_per_mm", MOTORS, [STEPS_PER_MM; 4])
-        .required("motor steps, microsteps included; five decimals are kept; CoreXY: of motors A and B under x and y, CoreXZ: of A and C under x and z");
+    let steps_per_mm = keys.numbers("steps_per_mm", MOTORS, [STEPS_PER_MM; 4]).required(
+        "microsteps per mm, to five decimals; on CoreXY, x and y are motors A and B; on CoreXZ, x and z are \
+         motors A and C",
+    );
     let mut limits = limits(keys);
     let corner_speed = corner_speed(keys, &limits);
     let motion = motion::motion(keys);
@@ -83,7 +86,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> Machine {
     budget_of_error.apply(keys, &motion, &steps_per_mm, &mut limits);
     let interval_us = keys
         .number("minimum_event_interval_us", EVENT_INTERVAL)
-        .required("step events nearer to each other than this leave as one");
+        .required("step events closer together than this are output as one");
     motor_rates(keys, kinematics, steps_per_mm, &limits, interval_us);
     if motion::is_shaped(&motion) {
         motors_are_alike(keys, kinematics, steps_per_mm);
@@ -91,15 +94,15 @@ pub(crate) fn profile(keys: &Section<'_>) -> Machine {
     // ANCHOR: min_extrusion
     let min_extrusion = keys
         .number("min_extrusion_celsius", MIN_EXTRUSION)
-        .required("below `nozzle.max_celsius`; extrusion is refused while the nozzle is colder (M302)");
+        .required("nozzle temperature below which extrusion is refused (M302); below `nozzle.max_celsius`");
     // ANCHOR_END: min_extrusion
     let max_flow = apart
         .number("max_volumetric_flow_mm3_per_s", VOLUMETRIC_FLOW)
-        .optional("not checked", "what the nozzle melts: `print` and `estimate` report moves that ask for more");
+        .optional("not checked", "maximum flow that the nozzle melts: `print` and `estimate` report moves above it");
     let heater_timeout_s = apart.number("heater_timeout_s", HEATER_TIMEOUT).or(
         DEFAULT_HEATER_TIMEOUT_S.into(),
-        "heaters go off after this long [without a line from a host and without motion](safety.md#a-host-that-has-gone); \
-         0 = never (M86)",
+        "heaters switch off after this time [without a line from a host and without \
+         motion](safety.md#a-host-that-has-gone); 0 = never (M86)",
     );
     let timing = drivers::timing(&apart, interval_us);
     let drivers = drivers::drivers(&apart, steps_per_mm, timing.both_edges);
@@ -131,14 +134,14 @@ pub(crate) fn profile(keys: &Section<'_>) -> Machine {
     }
     let budget = keys.section_of_defaults(
         "budget",
-        "what the board's processor keeps up with; moves beyond it become [slower](planning.md#the-budget)",
+        "what the board's processor can keep up with; moves beyond it are [slowed down](planning.md#the-budget)",
     );
     let events_per_s = budget
         .number("events_per_s", EVENTS_PER_S)
-        .or(DEFAULT_EVENTS_PER_S.into(), "step events, if the processor has nothing else to do for motion");
+        .or(DEFAULT_EVENTS_PER_S.into(), "maximum rate of step events, with no other motion work");
     let moves_per_s = budget
         .number("moves_per_s", MOVES_PER_S)
-        .or(DEFAULT_MOVES_PER_S.into(), "moves, if the processor has nothing else to do for motion");
+        .or(DEFAULT_MOVES_PER_S.into(), "maximum rate of moves, with no other motion work");
     let filament = filament_sensor(&apart);
     let rules = rules::read(keys, corner_speed);
     let profile = Profile {
@@ -198,7 +201,7 @@ fn model_names(keys: &Section<'_>) -> String {
         is_printable && names.len() <= MAX_MODEL_NAMES && names.split(',').all(|name| !name.trim().is_empty())
     };
     let names = keys.text("model_names", &expected, is_right);
-    names.optional("not checked", "a job for another printer is refused (M862.3)").unwrap_or_default()
+    names.optional("not checked", "models of this printer: jobs for others are refused (M862.3)").unwrap_or_default()
 }
 
 /// A name that M115 can put into its line.
@@ -208,31 +211,31 @@ fn name(keys: &Section<'_>) -> String {
         let is_printable = name.bytes().all(|byte| byte == b' ' || byte.is_ascii_graphic());
         is_printable && !name.trim().is_empty() && name.len() <= MAX_NAME
     };
-    keys.text("name", &expected, is_right).required("what M115 and reports call the machine")
+    keys.text("name", &expected, is_right).required("machine name in M115 and reports")
 }
 
 /// Speeds, accelerations and corners.
 fn limits(keys: &Section<'_>) -> Limits {
     let max_feed_mm_per_s =
-        keys.numbers("max_feed_mm_per_s", MOTORS, [FEED; 4]).required("largest speeds of the axes (M203)");
+        keys.numbers("max_feed_mm_per_s", MOTORS, [FEED; 4]).required("maximum speed of each axis (M203)");
     let max_acceleration_mm_per_s2 = keys
         .numbers("max_acceleration_mm_per_s2", MOTORS, [ACCELERATION; 4])
-        .required("largest accelerations of the axes (M201)");
+        .required("maximum acceleration of each axis (M201)");
     let [print, travel, retract] = keys
         .numbers("acceleration_mm_per_s2", ["print", "travel", "retract"], [ACCELERATION; 3])
-        .required("accelerations of moves: with extrusion, without, and of the extruder alone (M204 P, T, R)");
+        .required("acceleration of printing, travel and extruder-only moves (M204 P, T, R)");
     let junction_deviation_mm = keys
         .number("junction_deviation_mm", JUNCTION_DEVIATION)
-        .required("how far the arc that rounds a corner may stay from it (M205 J)");
+        .required("distance from a corner to the virtual arc that sets its speed (M205 J)");
     let corner = keys.section_of_defaults(
         "instantaneous_corner_velocity_mm_per_s",
-        "by how much the speed of an axis may [change at a corner](planning.md#each-axis-at-a-corner), whatever the arc \
-         allows (M205 X Y Z E, \"jerk\")",
+        "maximum instantaneous speed change of an axis [at a corner](planning.md#each-axis-at-a-corner), whatever the \
+         arc allows (M205 X Y Z E, \"jerk\")",
     );
     let unlimited = |axis| {
         let limit = corner
             .number(axis, CORNER_VELOCITY)
-            .optional("no limit but the arc's", "such a limit exists only if the key does: without it M205 sets none");
+            .optional("no limit but the arc's", "without this key M205 sets no limit either");
         limit.unwrap_or(f64::INFINITY)
     };
     let limited = |axis, default| corner.number(axis, CORNER_VELOCITY).or(default, "");
@@ -251,13 +254,13 @@ fn limits(keys: &Section<'_>) -> Limits {
 /// The speed of a square corner, mm/s, if corners keep it at every acceleration. The profile then
 /// has it besides the deviation, and the two are checked against each other.
 fn corner_speed(keys: &Section<'_>, limits: &Limits) -> Option<f64> {
-    let about = "speed in a corner of 90° at every acceleration, as Klipper's: M204 then changes the deviation, not the speed; it is the \
-                 one that `junction_deviation_mm` makes at `acceleration_mm_per_s2.print`";
+    let about = "speed in a 90° corner at every acceleration, as in Klipper: M204 then changes the junction deviation \
+                 instead; must match `junction_deviation_mm` at `acceleration_mm_per_s2.print`";
     // Bound only if it is there: jobs that were prepared before this key existed remain valid.
     let speed = keys
         .apart()
         .number("square_corner_velocity_mm_per_s", CORNER_VELOCITY)
-        .optional("corners keep their deviation, and M204 changes their speed", about);
+        .optional("junction deviation stays fixed, and M204 changes the cornering speed", about);
     let speed = speed?;
     keys.bind("square_corner_velocity_mm_per_s", &speed);
     let made = (limits.junction_deviation_mm * limits.print_acceleration_mm_per_s2 / SQUARE_CORNER_SHARE).sqrt();

@@ -59,7 +59,7 @@ pub(crate) fn mesh(
             let expected = "\"cartesian\" or \"corexy\" with the table [mesh]: on others Z shares its motor";
             keys.refuse("kinematics", expected);
         }
-        let points = table.numbers("points", ["x", "y"], [POINTS; 2]).or(DEFAULT_POINTS, "how many there are");
+        let points = table.numbers("points", ["x", "y"], [POINTS; 2]).or(DEFAULT_POINTS, "number of points per axis");
         for (axis, number) in ["x", "y"].into_iter().zip(points) {
             if safe.is_round && number < 3.0 {
                 table.refuse(&format!("points.{axis}"), "3 points at least: the corners are beside the round bed");
@@ -71,10 +71,10 @@ pub(crate) fn mesh(
         settings.points = points.map(|points| points as u8);
         settings.interpolation = table
             .word("interpolation", [("bilinear", MeshInterpolation::Bilinear), ("bicubic", MeshInterpolation::Bicubic)])
-            .or(MeshInterpolation::Bilinear, "what the surface is [between them](levelling.md#following-it)");
-        let about = "where they are: from the first to the last, places of the probe";
+            .or(MeshInterpolation::Bilinear, "surface [between the points](levelling.md#following-it)");
+        let about = "probe positions of the first and last points";
         if let Some(area) =
-            table.optional_section("area_mm", "what the probe reaches of the bed, but 5 mm at its ends", about)
+            table.optional_section("area_mm", "what the probe reaches of the bed, less 5 mm at its ends", about)
         {
             for (index, axis) in ["x", "y"].into_iter().enumerate() {
                 let ends = area.ends(axis, AREA).required("");
@@ -94,37 +94,36 @@ pub(crate) fn mesh(
         settings.fade_10nm = units_10nm(
             table
                 .number("fade_mm", FADE)
-                .or(DEFAULT_FADE_MM, "height at which Z follows no more (M420 Z); 0 = to the top"),
+                .or(DEFAULT_FADE_MM, "fade height: Z follows the bed up to it (M420 Z); 0 = to the top"),
         );
         settings.lift_10nm = units_10nm(
             table
                 .number("lift_mm", LIFT.at_most(travel.upper_mm[2], "at most size_mm.z"))
-                .optional("homing.raise_mm", "height of the nozzle on the way from point to point")
+                .optional("homing.raise_mm", "nozzle height between points")
                 .unwrap_or(lift_mm),
         );
         settings.depth_10nm = units_10nm(table.number("depth_mm", DEPTH).or(
             DEFAULT_DEPTH_MM,
-            "how far below its height at home the bed may be: the nozzle goes no deeper if the probe does not trigger",
+            "maximum depth of the bed below its height at home: the nozzle stops there if the probe does not trigger",
         ));
         settings.samples = table
             .whole("samples", SAMPLES)
-            .or(1.0, "how often a point is probed, each time fast and then slowly; their mean counts")
-            as u8;
+            .or(1.0, "samples per point, each fast and then slow; their mean is used") as u8;
         if let Some(sheet) = table.optional_section(
             "sheet",
             "level and flat",
-            "the sheet of the [virtual board](levelling.md#on-the-desk); a real one is measured",
+            "bed surface of the [virtual board](levelling.md#on-the-desk); a real one is measured",
         ) {
             let tilt = sheet.numbers("tilt_mm", ["x", "y"], [SHEET; 2]);
             settings.sheet = SheetShape {
                 tilt_10nm: tilt
-                    .or([0.0; 2], "by how much it rises from its left to its right, and from its front to its back")
+                    .or([0.0; 2], "rise of the surface from left to right and from front to back")
                     .map(units_10nm),
                 bend_10nm: units_10nm(
-                    sheet.number("bend_mm", SHEET).or(0.0, "by how much its middle is above its corners"),
+                    sheet.number("bend_mm", SHEET).or(0.0, "height of the surface's middle above its corners"),
                 ),
                 scatter_10nm: units_10nm(
-                    sheet.number("scatter_mm", SCATTER).or(0.0, "the probe triggers within this distance of it"),
+                    sheet.number("scatter_mm", SCATTER).or(0.0, "maximum error of the probe's trigger height"),
                 ),
                 ..SheetShape::FLAT
             };

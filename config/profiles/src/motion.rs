@@ -38,15 +38,15 @@ pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
         dual_rate: dual_rate(keys),
         acceleration: keys
             .word("acceleration", AccelerationProfile::ALL.map(|choice| (choice.name(), choice)))
-            .or(default.acceleration, "how speeds change ([Li 2017](papers/li.md)); M796 A"),
+            .or(default.acceleration, "acceleration profile ([Li 2017](papers/li.md)); M796 A"),
         jerk_mm_per_s3: keys
             .apart()
             .number("jerk_mm_per_s3", JERK)
-            .required("largest jerk along the path, under `acceleration = \"s-curve\"`"),
+            .required("maximum jerk along the path with `acceleration = \"s-curve\"`"),
         filament_jerk_mm_per_s3: keys
             .apart()
             .number("filament_jerk_mm_per_s3", JERK)
-            .or(default.filament_jerk_mm_per_s3, "the same for moves of the filament alone, which shake no frame"),
+            .or(default.filament_jerk_mm_per_s3, "maximum jerk of extruder-only moves, which do not shake the frame"),
         s_curve_table: s_curve_table(&keys.apart()),
         ..default
     };
@@ -58,7 +58,8 @@ pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
         pressure_advance: pressure_advance(keys, "none").unwrap_or(PressureAdvance::NONE),
         filament_on_the_way: keys.apart().flag("filament_on_the_way").or(
             default.filament_on_the_way,
-            "filament is drawn back and comes back along the travels between two lines, without a stop ([Filament on the way](filament-on-the-way.md)); prepared jobs stop",
+            "filament is retracted and recovered during travel moves, without a stop ([Filament on the \
+             way](filament-on-the-way.md)); prepared jobs stop",
         ),
         ..choice
     };
@@ -78,9 +79,9 @@ pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
 /// from it and the filters, so that prepared jobs are for both.
 fn path_tolerance(keys: &Section<'_>, choice: &MotionChoice) -> Option<f64> {
     let tolerance_mm = keys.apart().number("path_tolerance_mm", PATH_TOLERANCE).optional(
-        "corners are rounded as the filters round them",
-        "how far the commanded path may be from the programmed one [after the filters](path-tolerance.md) of input_shaper: \
-         speeds in corners and accelerations are lowered to that, besides junction_deviation_mm",
+        "filters round corners without a limit",
+        "maximum deviation of the commanded path from the programmed one [after the filters](path-tolerance.md) of \
+         input_shaper: cornering speeds and accelerations are lowered to keep it, besides junction_deviation_mm",
     )?;
     keys.bind("path_tolerance_mm", &(tolerance_mm, choice.shapers, choice.smooth_time_s));
     let with_tolerance = MotionChoice { path_tolerance_mm: Some(tolerance_mm), ..*choice };
@@ -115,17 +116,17 @@ pub(crate) fn is_shaped(choice: &MotionChoice) -> bool {
 pub(crate) fn pressure_advance(keys: &Section<'_>, default: &'static str) -> Option<PressureAdvance> {
     let about = "how far the extruder [runs ahead of the flow](pressure-advance.md); M900, M572 and SET_PRESSURE_ADVANCE change it";
     let table = keys.optional_section("pressure_advance", default, about)?;
-    let seconds = table.number("seconds", ADVANCE).required("K: filament ahead for each mm/s at which it is pushed");
+    let seconds = table.number("seconds", ADVANCE).required("K: filament advance, mm per mm/s of filament speed");
     let smooth_time_s = table.number("smooth_time_s", SMOOTH_TIME).optional(
         "nearly as long as the filters of X and Y spread the motion, at least 8 ms",
-        "over how long the advance is averaged",
+        "smoothing time of the advance",
     );
     let above =
-        table.optional_section("above", "one K for all flow", "another K for fast flow").map(|above| SecondSlope {
+        table.optional_section("above", "one K for all flow", "second K, for fast flow").map(|above| SecondSlope {
             filament_mm_per_s: above
                 .number("filament_mm_per_s", FILAMENT_SPEED)
-                .required("from this speed of the filament on"),
-            seconds: above.number("seconds", ADVANCE).required("K for what is faster"),
+                .required("filament speed from which the second K applies"),
+            seconds: above.number("seconds", ADVANCE).required("K from that speed on"),
         });
     Some(PressureAdvance { seconds, above, smooth_time_s })
 }
@@ -138,8 +139,8 @@ fn filters(keys: &Section<'_>) -> ([AxisShaper; 2], Option<f64>) {
         ["x", "y"].map(|axis| (axis, table.optional_section(axis, "no filter", "").map(|axis| shaper(&axis))));
     let smooth_time_s = table.number("smooth_time_s", AXES_SMOOTH_TIME).optional(
         "no moving average",
-        "over how long X, Y, Z and the extruder are [averaged](input-shaping.md#a-limit-for-the-jerk) too: the acceleration \
-         changes within this time; under `acceleration = \"trapezoid\"`",
+        "time over which X, Y, Z and the extruder are also [averaged](input-shaping.md#a-limit-for-the-jerk): the \
+         acceleration changes within it; only with `acceleration = \"trapezoid\"`",
     );
     if let Some(time_s) = smooth_time_s
         && let Ok(ticks) = smooth_ticks(smooth_time_s)
@@ -169,13 +170,13 @@ fn filters(keys: &Section<'_>) -> ([AxisShaper; 2], Option<f64>) {
 fn shaper(table: &Section<'_>) -> AxisShaper {
     let kind = table
         .word_or("kind", ShaperKind::NAMED, "mzv(5,0.9)", ShaperKind::from_name)
-        .required("which filter ([which one](input-shaping.md#which-one))");
+        .required("shaper type ([which one](input-shaping.md#which-one))");
     let frequency_hz = table
         .number("frequency_hz", SHAPER_FREQUENCY)
-        .required("of the axis's ringing; so high that the filter lasts at most 100 ms");
+        .required("ringing frequency of the axis, high enough that the filter lasts at most 100 ms");
     let damping = table.number("damping", SHAPER_DAMPING).or(
         AxisShaper::NONE.damping,
-        "ratio of the ringing; `\"ei\"` to 0.4, `\"2hump_ei\"` to 0.3, `\"3hump_ei\"` to 0.2",
+        "damping ratio; at most 0.4 for `\"ei\"`, 0.3 for `\"2hump_ei\"`, 0.2 for `\"3hump_ei\"`",
     );
     let shaper = AxisShaper { kind, frequency_hz, damping };
     let name = kind.to_string();
@@ -207,32 +208,32 @@ fn dual_rate(keys: &Section<'_>) -> DualRatePeriods {
     let default = MotionChoice::DEFAULT.dual_rate;
     let table = keys.optional_section("dual_rate", "10 and 3000 µs", "pulse periods of a motor under `\"dual-rate\"`");
     let Some(table) = table else { return default };
-    let shortest_us = table.number("min_period_us", PERIOD).required("no motor is planned faster");
-    let longest_us = table
-        .number("max_period_us", PERIOD.at_least(shortest_us, "at least min_period_us"))
-        .required("where one motor has more than max/min times the other's pulses, minimum deviation steps in");
+    let shortest_us = table.number("min_period_us", PERIOD).required("shortest pulse period planned for a motor");
+    let longest_us = table.number("max_period_us", PERIOD.at_least(shortest_us, "at least min_period_us")).required(
+        "if one motor has more than max/min times the other's pulses, `\"minimum-deviation\"` is used instead",
+    );
     let [shortest_ns, longest_ns] = [shortest_us, longest_us].map(|us| (us * 1e3).round() as u32);
     DualRatePeriods { shortest_ns, longest_ns }
 }
 
 /// The table of frequencies; it ends above where it starts.
 fn s_curve_table(keys: &Section<'_>) -> SCurveTableSettings {
-    let about = "the table under `\"s-curve-table\"`: frequencies of a block's busiest motor, which no block exceeds";
+    let about = "ramp of `\"s-curve-table\"`: step rates of a block's busiest motor, which no block exceeds";
     let absent = "1000 to 10 000 steps/s, 100 000 steps/s³";
     let Some(table) = keys.optional_section("s_curve_table", absent, about) else {
         return MotionChoice::DEFAULT.s_curve_table;
     };
     let start_hz = table
         .number("start_hz", range(FREQUENCY.low, FREQUENCY.high - 1.0, FREQUENCY.unit))
-        .required("up to this a motor starts without a ramp")
+        .required("highest step rate at which a motor starts without a ramp")
         .round();
     let top_hz = table
         .number("top_hz", FREQUENCY.at_least(start_hz + 1.0, "above start_hz"))
-        .required("the ramp ends here")
+        .required("step rate at the end of the ramp")
         .round();
     let jerk = table
         .number("jerk_hz_per_s2", TABLE_JERK)
-        .required("large enough that the ramp has at most 65 536 slices of 2/`start_hz`")
+        .required("jerk of the ramp, large enough for at most 65 536 slices of 2/`start_hz`")
         .round();
     let settings =
         SCurveTableSettings { start_hz: start_hz as u32, top_hz: top_hz as u32, jerk_hz_per_s2: jerk as u32 };

@@ -76,16 +76,16 @@ pub(crate) fn read(keys: &Section<'_>, square_corner_velocity_mm_per_s: Option<f
     );
     let planned_by = table
         .word("planned_by", PlannedBy::NAMED)
-        .or(PlannedBy::Own, "unless `--rules` names others; `import` writes it; `own`: those of this firmware");
+        .or(PlannedBy::Own, "firmware, unless `--rules` names another; `import` writes this key; `own`: this firmware");
     let minimum_cruise_ratio =
-        table.number("minimum_cruise_ratio", RATIO).or(0.5, "Klipper's: share of a short move at its largest speed");
+        table.number("minimum_cruise_ratio", RATIO).or(0.5, "Klipper's: minimum share of a short move at cruise speed");
     let jerk_mm_per_s = table.numbers("jerk_mm_per_s", MOTORS, [JERK; 4]).optional(
         "`instantaneous_corner_velocity_mm_per_s`, or 10 where that has no limit",
-        "Marlin's classic jerk and RepRapFirmware's M566: by how much the speed of an axis changes at a corner",
+        "Marlin's classic jerk and RepRapFirmware's M566: maximum speed change of an axis at a corner",
     );
     let arc_chord_mm = table
         .number("arc_chord_mm", CHORD)
-        .or(1.0, "chords of arcs: Klipper's `resolution` of `[gcode_arcs]`, Marlin's `MAX_ARC_SEGMENT_MM`");
+        .or(1.0, "chord length of arcs: Klipper's `resolution` of `[gcode_arcs]`, Marlin's `MAX_ARC_SEGMENT_MM`");
     let queued_moves = table.whole("queued_moves", BLOCKS).optional(
         "16 for Marlin, 60 for RepRapFirmware",
         "moves that are planned together: Marlin's `BLOCK_BUFFER_SIZE`, RepRapFirmware's M595 P",

@@ -19,20 +19,20 @@ const PLANES: [(&str, &str); 3] = [
 /// The skew of the axes, by measured lengths or by Marlin's and Klipper's factors; none
 /// without the table.
 pub(crate) fn skew(keys: &Section<'_>) -> Skew {
-    let about = "how far the axes are off their [right angles](skew.md) (M852, SET_SKEW)";
+    let about = "deviation of the axes from [right angles](skew.md) (M852, SET_SKEW)";
     let Some(table) = keys.optional_section("skew", "axes at right angles", about) else { return Skew::NONE };
     Skew::of_factors(PLANES.map(|(name, about)| {
         let Some(plane) = table.optional_section(name, "at right angles", about) else { return 0.0 };
         let factor = plane.number("factor", FACTOR).optional(
-            "by the three lengths",
+            "from the three lengths",
             "tangent of the angle by which the second axis leans in the first one's direction, as Marlin and Klipper have it",
         );
         let lengths = [
-            ("ac_mm", "diagonal from the corner A, where both coordinates are least, to the opposite one, C"),
-            ("bd_mm", "the other diagonal, from B, the corner beside A along the second axis, to D"),
-            ("ad_mm", "side along the first axis"),
+            ("ac_mm", "diagonal from corner A, where both coordinates are smallest, to the opposite corner, C"),
+            ("bd_mm", "other diagonal, from B, the corner next to A along the second axis, to D"),
+            ("ad_mm", "side A to D, along the first axis"),
         ]
-        .map(|(key, about)| plane.number(key, LENGTH).optional("by `factor`", about));
+        .map(|(key, about)| plane.number(key, LENGTH).optional("from `factor`", about));
         match (factor, lengths) {
             (Some(factor), [None, None, None]) => factor,
             (None, [Some(ac), Some(bd), Some(ad)]) => match Skew::factor_of_diagonals([ac, bd, ad].map(|length| units_10nm(length) as u32)) {

@@ -13,15 +13,15 @@ const RISE: Range = range(0.0, 100.0, "mm");
 pub(crate) fn power_supply(keys: &Section<'_>) -> Option<PowerSupply> {
     let table = keys.optional_section(
         "power_supply",
-        "it cannot be switched",
-        "[M80 and M81](gcode.md#a-supply-that-is-switched) switch it, and a [halt](safety.md#a-supply-that-is-switched-off) switches it off; \
-         its pin is the board's `power_supply`",
+        "not switchable",
+        "supply that [M80 and M81](gcode.md#a-supply-that-is-switched) switch, and a \
+         [halt](safety.md#a-supply-that-is-switched-off) switches off; its pin is the board's `power_supply`",
     )?;
     Some(PowerSupply {
         on_is_low: table
             .flag("on_is_low")
-            .required("whether the pin is low while the supply is on, as ATX supplies want it"),
-        on_at_start: table.flag("on_at_start").or(true, "whether it is on when the firmware starts"),
+            .required("whether the pin is low while the supply is on, as for ATX supplies"),
+        on_at_start: table.flag("on_at_start").or(true, "whether the supply is on at start-up"),
     })
 }
 
@@ -30,17 +30,16 @@ pub(crate) fn supply_signal(keys: &Section<'_>) -> Option<SupplySignal> {
     let table = keys.optional_section(
         "power_loss",
         "no signal",
-        "a module that feeds the board for some seconds more, and says so: [the place of a print is kept](power-loss.md#a-module-that-says-it) \
-         at once; its pin is the board's `power_loss`",
+        "module that signals a power loss and feeds the board for some more seconds: [the print's position is \
+         saved](power-loss.md#a-module-that-says-it) at once; its pin is the board's `power_loss`",
     )?;
     Some(SupplySignal {
         failing_is_low: table.flag("failing_is_low").required("whether the pin is low while the supply fails"),
-        rise_10nm: units_10nm(
-            table.number("rise_mm", RISE).or(
-                0.0,
-                "by how much the nozzle rises from the print then, if the module feeds the motors for so long",
-            ),
-        ),
-        debounce_ms: (table.number("debounce_s", DEBOUNCE).or(0.006, "how long it must say so") * 1e3).round() as u16,
+        rise_10nm: units_10nm(table.number("rise_mm", RISE).or(
+            0.0,
+            "height the nozzle is raised from the print on power loss, if the module feeds the motors long enough",
+        )),
+        debounce_ms: (table.number("debounce_s", DEBOUNCE).or(0.006, "time the signal must be stable") * 1e3).round()
+            as u16,
     })
 }

@@ -51,29 +51,30 @@ pub(crate) fn tools(keys: &Section<'_>, first: &First<'_>) -> Option<Kept<Tools>
             "lift_mm",
             LIFT,
             1.0,
-            "by how much the nozzle rises before the other one takes its place; where that is lower, by as much more",
+            "height the nozzle is raised before a tool change, plus the amount by which the new one is lower",
         ),
-        travel_10nm_per_s: length("travel_mm_per_s", TRAVEL, 100.0, "how fast the other nozzle goes to that place"),
+        travel_10nm_per_s: length(
+            "travel_mm_per_s",
+            TRAVEL,
+            100.0,
+            "travel speed of the new nozzle to the old one's place",
+        ),
         retract_10nm: length(
             "retract_mm",
             FILAMENT,
             0.0,
-            "filament that a tool draws back when it is left, if it is warm enough",
+            "filament retracted when a tool is deselected, if it is hot enough",
         ),
-        retract_10nm_per_s: length("retract_mm_per_s", FILAMENT_SPEED, 40.0, "how fast"),
+        retract_10nm_per_s: length("retract_mm_per_s", FILAMENT_SPEED, 40.0, "retraction speed"),
         prime_10nm: length(
             "prime_mm",
             FILAMENT,
             0.0,
-            "filament that a tool pushes when it is selected, beyond what it had drawn back",
+            "filament primed when a tool is selected, beyond the length retracted",
         ),
-        prime_10nm_per_s: length("prime_mm_per_s", FILAMENT_SPEED, 20.0, "how fast it pushes both"),
-        before: name_of_macro(
-            &table,
-            "before_change",
-            "a [macro](tools.md#macros-at-a-change) whose lines come before it",
-        ),
-        after: name_of_macro(&table, "after_change", "a macro whose lines come after it"),
+        prime_10nm_per_s: length("prime_mm_per_s", FILAMENT_SPEED, 20.0, "speed of recovery and priming"),
+        before: name_of_macro(&table, "before_change", "[macro](tools.md#macros-at-a-change) run before a tool change"),
+        after: name_of_macro(&table, "after_change", "macro run after a tool change"),
     };
     let mut further = [None; MAX_TOOLS - 1];
     for (tool, name) in further.iter_mut().zip(TABLES) {
@@ -90,20 +91,19 @@ fn name_of_macro(table: &Section<'_>, key: &'static str, about: &'static str) ->
 }
 
 fn further_tool(table: &Section<'_>, name: &'static str, first: &First<'_>) -> FurtherTool {
-    let socket = table
-        .word("motor", SOCKETS.map(|socket| (socket, socket)))
-        .required("the board's socket for the motor of its extruder");
+    let socket =
+        table.word("motor", SOCKETS.map(|socket| (socket, socket))).required("board socket of its extruder motor");
     let lifts_z = |motors: Kept<ZMotors>| motors.0.further.iter().flatten().any(|motor| motor.socket == socket);
     if first.z_motors.is_some_and(lifts_z) {
         table.refuse("motor", format!("another socket: {socket} is one of z_motors.motors"));
     }
-    let is_inverted = table.flag("inverted").or(false, "that motor runs the other way round");
+    let is_inverted = table.flag("inverted").or(false, "direction of that motor is inverted");
     let offset_mm = table
         .numbers("offset_mm", ["x", "y", "z"], [OFFSET; 3])
-        .required("from T0's nozzle to this one, above 0 where it is farther right, farther back and higher (M218)");
+        .required("offset from T0's nozzle to this one: positive to the right, back and upwards (M218)");
     let steps_per_mm = table
         .number("steps_per_mm", STEPS)
-        .optional("`steps_per_mm.e`", "of its motor (M92 T1 E)")
+        .optional("`steps_per_mm.e`", "steps/mm of its motor (M92 T1 E)")
         .unwrap_or(first.steps_per_mm);
     if steps_per_mm > first.most_steps_per_mm {
         let most = first.most_steps_per_mm.floor();
@@ -130,11 +130,11 @@ fn heater(table: &Section<'_>, first: &First<'_>) -> Option<ToolHeater> {
     let named = |connector: SpareConnector| (connector.name(), connector);
     let heater = table
         .word("heater", SpareConnector::HEATERS.map(named))
-        .optional("it shares T0's nozzle", "the board's output for the heater of a separate nozzle");
+        .optional("T0's nozzle is shared", "the board's output for the heater of a separate nozzle");
     let thermistor = table
         .word("thermistor", SpareConnector::THERMISTORS.map(named))
         .optional("that of `heater`", "the board's input for its thermistor");
-    let about = "with `heater`; what is left out is as there, but for `max_target_celsius` and `control_model`";
+    let about = "only with `heater`; keys left out are as there, except `max_target_celsius` and `control_model`";
     let settings =
         table.optional_section("nozzle", "as T0's", about).map(|keys| heaters::further_nozzle(&keys, first.nozzle));
     let Some(heater) = heater else {
@@ -162,7 +162,7 @@ fn heater(table: &Section<'_>, first: &First<'_>) -> Option<ToolHeater> {
 fn fan(table: &Section<'_>, fans: &FanTable) -> Option<u8> {
     let name = table
         .text("part_fan", "the name of a fan that M106 sets", |name| !name.is_empty())
-        .optional("T0's", "the name of the fan of `[fans]` that M106 without P means while it is selected")?;
+        .optional("T0's", "fan of `[fans]` that M106 without P sets while this tool is selected")?;
     let is_it = |fan: &Option<FanSettings>| {
         fan.as_ref().is_some_and(|fan| fan.name == name && matches!(fan.rule, FanRule::Commanded { .. }))
     };

@@ -35,13 +35,14 @@ pub(crate) fn z_motors(
     }
     let correction = table.number("max_correction_mm", CORRECTION).or(
         DEFAULT_CORRECTION_MM,
-        "how far apart the motors may be before G34 moves them, and how far below its height at home it looks for the bed",
+        "maximum misalignment of the motors that G34 corrects, and how far below its height at home it probes for the \
+         bed",
     );
     let motors = table.named_sections(
         "motors",
         "NAME",
         "",
-        "2 to 4, by their names in the board's file: `z`, and those of `z2`, `e1`, `e2` and `e3` that there are",
+        "2 to 4 motors, by their names in the board's file: `z`, and any of `z2`, `e1`, `e2` and `e3`",
         "this motor",
     );
     let mut places_mm = Vec::new();
@@ -49,13 +50,14 @@ pub(crate) fn z_motors(
     let mut free = further.iter_mut();
     for (name, section) in &motors {
         let place = ["x", "y"].map(|axis| {
-            section
-                .number(axis, PLACE)
-                .optional("with `points`: required", "where it lifts the bed or the gantry: a pivot, a belt")
+            section.number(axis, PLACE).optional(
+                "with `points`: required",
+                "position of the pivot or belt where the motor lifts the bed or gantry",
+            )
         });
         places_mm.push(place);
         let is_inverted =
-            section.flag("inverted").or(false, "it runs the other way round (of `z` `driver.inverted` says so)");
+            section.flag("inverted").or(false, "direction of the motor is inverted (for `z`, see `driver.inverted`)");
         if *name == FIRST {
             if is_inverted {
                 section.refuse("inverted", "false: driver.inverted says it of z");
@@ -85,13 +87,14 @@ fn points(table: &Section<'_>, reach_mm: &[[f64; 2]; 2], safe: &SafeHoming, is_m
     let places = table.named_sections(
         "points",
         "NAME",
-        "nothing is aligned",
-        "with a probe: places of it, as many as motors at least and 8 at most, far from each other",
-        "a place of this name",
+        "no alignment",
+        "with a probe: probe positions, at least one per motor and at most 8, far apart",
+        "a position of this name",
     );
     let mut points_mm = Vec::new();
     for (name, section) in &places {
-        let place_mm = ["x", "y"].map(|axis| section.number(axis, PLACE).required("within what the probe reaches"));
+        let place_mm = ["x", "y"]
+            .map(|axis| section.number(axis, PLACE).required("probe position, within what the probe reaches"));
         for (axis, (place, [least, most])) in ["x", "y"].into_iter().zip(place_mm.into_iter().zip(*reach_mm)) {
             if is_measured && !(least..=most).contains(&place) {
                 section.refuse(axis, format!("{least} to {most} mm: the probe does not reach it"));

@@ -336,7 +336,7 @@ fn misspelt_names_are_answered_with_the_likeliest() {
     let profile = file(&directory, "mine.toml", text.replace("\nsteps_per_mm", "\nstep_per_mm"));
     for (profile, expected) in [
         (profile.to_str().unwrap(), "unknown key \"step_per_mm\": did you mean \"steps_per_mm\"?"),
-        ("Prusa-MINI", "did you mean prusa-mini? The built-in profiles are cartesian, corexy, prusa-mini"),
+        ("Prusa-MINI", "(cartesian, corexy, prusa-mini): did you mean prusa-mini?"),
         ("corxy", "did you mean corexy?"),
     ] {
         let outcome = ferrostep(["print", job.to_str().unwrap(), "--profile", profile]);

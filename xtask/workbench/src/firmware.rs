@@ -507,8 +507,8 @@ mod tests {
     #[test]
     fn a_mismatch_is_refused_before_building() {
         let error = |board: &str, profile: Option<&str>| Target::new(board, profile).unwrap_err();
-        assert!(error("no-board", None).contains("the built-in boards are bench"));
-        assert!(error("bench", Some("no-profile")).contains("the built-in profiles are cartesian"));
+        assert!(error("no-board", None).contains("no built-in board of this name (bench"));
+        assert!(error("bench", Some("no-profile")).contains("no built-in profile of this name (cartesian"));
         let text = ferrostep_profiles::builtin_text("cartesian").unwrap().replace("edges = false", "edges = true");
         let path = std::env::temp_dir().join(format!("ferrostep-both-edges-{}.toml", std::process::id()));
         std::fs::write(&path, text).unwrap();
