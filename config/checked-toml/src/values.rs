@@ -155,8 +155,8 @@ impl<'r> Section<'r> {
         example: &'static str,
         read: impl Fn(&str) -> Option<T>,
     ) -> Field<'r, T> {
-        let words = format!("{} or such as \"{example}\"", one_of(choices.iter().map(|(word, _)| word)));
-        let book = format!("{} or such as `\"{example}\"`", one_of_in_book(&choices));
+        let words = format!("{} or a value such as \"{example}\"", one_of(choices.iter().map(|(word, _)| word)));
+        let book = format!("{} or a value such as `\"{example}\"`", one_of_in_book(&choices));
         self.word_as(key, choices, words, book, read)
     }
 

@@ -41,7 +41,7 @@ pub(crate) fn bltouch(
          no such mode",
     );
     if !is_probe {
-        keys.refuse("bltouch", "homing.z.sensor = \"probe\" with it: a pin is a probe's");
+        keys.refuse("bltouch", "homing.z.sensor = \"probe\" with it: only a probe has a pin");
     }
     let mm = |length_10nm: i64| length_10nm as f64 / 100_000.0;
     let [.., offset_10nm] = safe.probe_offset_10nm;

@@ -47,7 +47,7 @@ pub(crate) fn timing(keys: &Section<'_>, interval_us: f64) -> DriverTiming {
         .or(Vec::new(), "motors whose direction is inverted");
     if !both_edges && pulse_us < MIN_GAP_US {
         let expected = format!(
-            "at least {MIN_GAP_US} us, which the step interrupt of a board takes at its worst to end a pulse; or \
+            "at least {MIN_GAP_US} us, which a board's step interrupt needs at worst to end a pulse; or \
              driver.both_edges = true, if the drivers step at both edges (TMC2209 with a table [drivers])"
         );
         table.refuse("pulse_width_us", expected);
@@ -148,7 +148,7 @@ fn steps_follow_from_the_screw(table: &Section<'_>, motor: &str, steps_per_mm: f
     let full_steps = written.unwrap_or(USUAL_FULL_STEPS_PER_TURN);
     let Some(mm) = mm_per_turn else {
         if written.is_some() {
-            let expected = format!("{} beside it: alone it says nothing", table.path("mm_per_turn"));
+            let expected = format!("{} with it: alone it has no effect", table.path("mm_per_turn"));
             table.refuse("full_steps_per_turn", expected);
         }
         return;

@@ -72,8 +72,8 @@ impl ErrorBudget {
     ) {
         let Some(budget_mm) = self.budget_mm else { return };
         let [Some(x), Some(y)] = &self.frame else {
-            let expected = "frame.x and frame.y beside it, with the frequency_hz and frequency_uncertainty_hz that \
-                            `ferrostep calibrate shaper` prints";
+            let expected = "frame.x and frame.y in the profile, with the frequency_hz and frequency_uncertainty_hz \
+                            that `ferrostep calibrate shaper` prints";
             return keys.refuse("error_budget_mm", expected);
         };
         let mut too_small: Option<(&str, f64)> = None;

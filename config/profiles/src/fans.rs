@@ -44,7 +44,7 @@ pub(crate) fn fans(keys: &Section<'_>) -> FanTable {
         check_name(keys, &format!("fans.{name}"), name, MAX_NAME);
         let (Some(output), index) = (output, output.map_or(0, FanOutput::index)) else { continue };
         if let Some(other) = names[index].replace(name) {
-            let expected = format!("another output: {} is the fan {other}'s", output.name());
+            let expected = format!("another output: {} is used by the fan {other}", output.name());
             section.refuse("output", expected);
         }
         table[index] = Some(settings);
@@ -64,7 +64,7 @@ pub(crate) fn fans(keys: &Section<'_>) -> FanTable {
         }
         let Some(output) = output else { continue };
         if let Some(other) = names[output.index()].replace(name) {
-            section.refuse("output", format!("another output: {} is that of {other}", output.name()));
+            section.refuse("output", format!("another output: {} is used by {other}", output.name()));
         }
         table[output.index()] = Some(settings);
     }
@@ -73,7 +73,7 @@ pub(crate) fn fans(keys: &Section<'_>) -> FanTable {
         let Some(FanSettings { name, rule: FanRule::Commanded { number: Some(number) }, .. }) = fan else { continue };
         let is_same = |other: &&FanSettings| other.rule == FanRule::Commanded { number: Some(*number) };
         if let Some(other) = table.iter().take(at).flatten().find(is_same) {
-            let expected = format!("another number: {number} is the fan {}'s", other.name);
+            let expected = format!("another number: {number} is used by the fan {}", other.name);
             keys.refuse(&format!("fans.{name}.number"), expected);
         }
     }
@@ -146,13 +146,16 @@ fn check_outputs(keys: &Section<'_>, table: &FanTable) {
     for (at, fan) in table.iter().enumerate() {
         let Some((fan, wanted)) = fan.as_ref().and_then(|fan| Some((fan, color(fan)?))) else { continue };
         if let Some(other) = table.iter().take(at).flatten().find(|other| color(other) == Some(wanted)) {
-            keys.refuse(&format!("outputs.{}.color", fan.name), format!("another color: that one is {}'s", other.name));
+            keys.refuse(
+                &format!("outputs.{}.color", fan.name),
+                format!("another color: this one is used by {}", other.name),
+            );
         }
     }
     for (at, fan) in table.iter().enumerate() {
         let Some((fan, wanted)) = fan.as_ref().and_then(|fan| Some((fan, number(fan)?))) else { continue };
         if let Some(other) = table.iter().take(at).flatten().find(|other| number(other) == Some(wanted)) {
-            let expected = format!("another number: {wanted} is that of {}", other.name);
+            let expected = format!("another number: {wanted} is used by {}", other.name);
             keys.refuse(&format!("outputs.{}.number", fan.name), expected);
         }
     }

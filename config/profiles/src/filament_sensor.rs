@@ -50,12 +50,15 @@ pub(crate) fn filament_sensor(keys: &Section<'_>) -> Option<FilamentSensor> {
         "time the signal must be stable; for a motion sensor at most 0.05",
     );
     match kind {
-        Kind::Switch if missing_is_low.is_none() => table.refuse("missing_is_low", "true or false, of a switch"),
+        Kind::Switch if missing_is_low.is_none() => table.refuse("missing_is_low", "true or false for a switch"),
         Kind::Switch if detection_mm.is_some() => {
             table.refuse("detection_mm", "no such key: a switch sees no filament move, kind = \"motion\" does");
         }
         Kind::Motion if missing_is_low.is_some() => {
-            table.refuse("missing_is_low", "no such key: neither level of a motion sensor says so");
+            table.refuse(
+                "missing_is_low",
+                "no such key: neither level of a motion sensor means that filament is missing",
+            );
         }
         Kind::Motion if debounce_s.is_some_and(|seconds| seconds > MAX_MOTION_DEBOUNCE_S) => {
             table.refuse("debounce_s", "0 to 0.05 s for a motion sensor, whose level changes while filament moves");
@@ -89,7 +92,8 @@ pub(crate) fn filament_switch(keys: &Section<'_>, sensor: Option<FilamentSensor>
     if sensor.and_then(|sensor| sensor.detection_10nm()).is_none() {
         table.refuse(
             "missing_is_low",
-            "a table [filament_sensor] with kind = \"motion\" beside it; a switch alone is [filament_sensor] with kind = \"switch\"",
+            "a table [filament_sensor] with kind = \"motion\" in the profile; a switch alone is [filament_sensor] \
+             with kind = \"switch\"",
         );
     }
     let debounce_ms = (debounce_s * 1e3).round() as u16;

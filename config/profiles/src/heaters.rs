@@ -355,9 +355,9 @@ fn by_data_sheet(sheet: &Section<'_>) -> ThermistorType {
             let expected = "three resistances that fall as a thermistor's do; or r25_ohm and beta_k";
             ("ohm", expected)
         }
-        (Some(_), Some(_)) => ("celsius", "three temperatures that rise"),
-        (None, Some(_)) => ("ohm", "celsius beside it: the three temperatures, such as [25, 150, 250]"),
-        (Some(_), None) => ("celsius", "ohm beside it: the three resistances, such as [100000, 1642, 226.2]"),
+        (Some(_), Some(_)) => ("celsius", "three rising temperatures"),
+        (None, Some(_)) => ("ohm", "celsius with it: three temperatures, such as [25, 150, 250]"),
+        (Some(_), None) => ("celsius", "ohm with it: three resistances, such as [100000, 1642, 226.2]"),
     };
     sheet.refuse(other.0, other.1);
     ThermistorType::Epcos100k

@@ -106,16 +106,20 @@ impl SafeKeys {
         needed(
             self.home_at_mm.is_none(),
             "home_at_mm",
-            "the probe finds the bed only where it is above it, such as home_at_mm = { x = 100, y = 100 }",
+            "Z homes where the probe is above the bed; for example home_at_mm = { x = 100, y = 100 }",
         );
-        needed(self.raise_mm.is_none(), "raise_mm", "X and Y home at an unknown height, such as raise_mm = 5");
+        needed(
+            self.raise_mm.is_none(),
+            "raise_mm",
+            "X and Y would home at an unknown height; for example raise_mm = 5",
+        );
         needed(
             self.probe_offset_mm.is_none(),
             "probe_offset_mm",
-            "where it is beside the nozzle, such as probe_offset_mm = { x = -29, y = -3, z = 0 }",
+            "the offset from the nozzle to the probe; for example probe_offset_mm = { x = -29, y = -3, z = 0 }",
         );
         if self.probe_offset_mm.is_some() && !is_probe {
-            let expected = "homing.z.sensor = \"probe\" with it: only a probe is beside the nozzle";
+            let expected = "homing.z.sensor = \"probe\" with it: only a probe is offset from the nozzle";
             tables.refuse("probe_offset_mm.x", expected);
         }
         let offset_mm = self.probe_offset_mm.unwrap_or_default();

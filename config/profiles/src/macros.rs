@@ -49,7 +49,7 @@ impl Flat {
         };
         match (&*known, default) {
             (Some(before), Some(default)) if before != default => {
-                Err(format!("one default for {key}: it is {before} in a line before"))
+                Err(format!("one default for {key}: an earlier line has {before}"))
             }
             (None, Some(default)) => {
                 *known = Some(default.to_owned());
@@ -212,7 +212,7 @@ fn flatten<'m>(
         if !line.is_ascii() || line.starts_with('#') {
             return refuse("G-code in ASCII".to_owned());
         }
-        let Some((parts, _)) = parts(line) else { return refuse("each { with its }".to_owned()) };
+        let Some((parts, _)) = parts(line) else { return refuse("a } for each {".to_owned()) };
         for inner in parts.iter().skip(1).step_by(2) {
             let (key, default) = inner.split_once('=').map_or((*inner, None), |(key, value)| (key, Some(value)));
             let is_value = |value: &str| !value.is_empty() && value.bytes().all(|byte| byte.is_ascii_graphic());
@@ -231,10 +231,10 @@ fn flatten<'m>(
         };
         if path.contains(&callee.name) {
             let chain = path.iter().chain([&callee.name]).copied().collect::<Vec<_>>().join(", ");
-            return refuse(format!("no call of itself: {chain}"));
+            return refuse(format!("no macro that calls itself: {chain}"));
         }
         if path.len() >= MAX_DEPTH {
-            return refuse(format!("at most {MAX_DEPTH} macros within each other"));
+            return refuse(format!("at most {MAX_DEPTH} levels of nested macros"));
         }
         let inner = flatten(callee, all, path, done)?;
         let mut given = BTreeMap::new();

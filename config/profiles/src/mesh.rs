@@ -62,7 +62,10 @@ pub(crate) fn mesh(
         let points = table.numbers("points", ["x", "y"], [POINTS; 2]).or(DEFAULT_POINTS, "number of points per axis");
         for (axis, number) in ["x", "y"].into_iter().zip(points) {
             if safe.is_round && number < 3.0 {
-                table.refuse(&format!("points.{axis}"), "3 points at least: the corners are beside the round bed");
+                table.refuse(
+                    &format!("points.{axis}"),
+                    "at least 3 points: the corners of the grid are outside the round bed",
+                );
             }
             if number.fract() != 0.0 {
                 table.refuse(&format!("points.{axis}"), "a whole number of points");
@@ -83,8 +86,8 @@ pub(crate) fn mesh(
                     area.refuse(
                         axis,
                         format!(
-                            "within {least} to {most} mm, and 1 mm wide at least: the probe does not reach more of the bed \
-                             (homing.bed_mm, homing.probe_offset_mm and the travel)"
+                            "within {least} to {most} mm, and at least 1 mm wide: the probe does not reach more of \
+                             the bed (homing.bed_mm, homing.probe_offset_mm and the travel)"
                         ),
                     );
                 }

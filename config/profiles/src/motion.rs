@@ -87,8 +87,8 @@ fn path_tolerance(keys: &Section<'_>, choice: &MotionChoice) -> Option<f64> {
     let with_tolerance = MotionChoice { path_tolerance_mm: Some(tolerance_mm), ..*choice };
     match with_tolerance.tolerance_acceleration_mm_per_s2() {
         None => {
-            let expected = "an input_shaper.x, input_shaper.y or input_shaper.smooth_time_s beside it: without a filter \
-                            the path is exact, and junction_deviation_mm sets the speed of its corners";
+            let expected = "an input_shaper.x, input_shaper.y or input_shaper.smooth_time_s in the profile: without a \
+                            filter the path is exact, and junction_deviation_mm sets the speed of its corners";
             keys.refuse("path_tolerance_mm", expected);
         }
         Some(acceleration) if acceleration < MIN_ACCELERATION_MM_PER_S2 => {

@@ -11,9 +11,9 @@ const LENGTH: Range = range(10.0, 3_000.0, "mm");
 
 /// Description of the factor of each plane, for the table of keys.
 const PLANES: [(&str, &str); 3] = [
-    ("xy", "of X and Y, by a printed square"),
-    ("xz", "of X and Z, by a printed square that stands"),
-    ("yz", "of Y and Z, by a printed square that stands"),
+    ("xy", "skew of X and Y, from a printed square"),
+    ("xz", "skew of X and Z, from an upright printed square"),
+    ("yz", "skew of Y and Z, from an upright printed square"),
 ];
 
 /// The skew of the axes, by measured lengths or by Marlin's and Klipper's factors; none

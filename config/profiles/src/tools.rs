@@ -139,10 +139,10 @@ fn heater(table: &Section<'_>, first: &First<'_>) -> Option<ToolHeater> {
         table.optional_section("nozzle", "as T0's", about).map(|keys| heaters::further_nozzle(&keys, first.nozzle));
     let Some(heater) = heater else {
         if thermistor.is_some() {
-            table.refuse("thermistor", "heater beside it");
+            table.refuse("thermistor", "heater in the same table");
         }
         if settings.is_some() {
-            table.refuse("nozzle", "heater beside it");
+            table.refuse("nozzle", "heater in the same table");
         }
         return None;
     };

@@ -129,7 +129,7 @@ fn alignment(
     }
     let places: Option<Vec<[f64; 2]>> = places_mm.iter().map(|[x, y]| Some([(*x)?, (*y)?])).collect();
     let Some(places) = places else {
-        table.refuse("motors", "x and y of each of them, beside points");
+        table.refuse("motors", "x and y of each motor, as points are given");
         return None;
     };
     let shape = Shape::of(&places).filter(|shape| shape.weights(&places, &places).is_some());

@@ -151,7 +151,7 @@ fn budgets_that_no_frame_is_known_for_are_refused() {
     for (words, says) in [
         (
             &["estimate", job, "--error-budget", "0.02"][..],
-            "error_budget_mm = 0.02: expected frame.x and frame.y beside it",
+            "error_budget_mm = 0.02: expected frame.x and frame.y in the profile",
         ),
         (
             &["estimate", job, "--profile", own, "--error-budget", "0.005"],

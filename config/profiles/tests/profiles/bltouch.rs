@@ -42,7 +42,7 @@ fn what_contradicts_a_pin_is_refused() {
     let text = format!("{}\n[bltouch]", builtin_text("corexy").unwrap());
     let error = parse(&text, "corexy.toml").unwrap_err().to_string();
     assert!(
-        error.contains("bltouch = [bltouch]: expected homing.z.sensor = \"probe\" with it: a pin is a probe's"),
+        error.contains("bltouch = [bltouch]: expected homing.z.sensor = \"probe\" with it: only a probe has a pin"),
         "{error}"
     );
 }

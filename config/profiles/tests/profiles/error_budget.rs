@@ -85,7 +85,7 @@ fn a_budget_that_nothing_keeps_is_refused_with_what_would_do() {
     for tables in ["", SHAPERS, only_x] {
         let error = refusal("error_budget_mm = 0.03", tables);
         assert_eq!((error.key(), error.line()), (Some("error_budget_mm"), Some(1)));
-        assert!(error.to_string().contains("expected frame.x and frame.y beside it"), "{error}");
+        assert!(error.to_string().contains("expected frame.x and frame.y in the profile"), "{error}");
     }
     let error = refusal("error_budget_mm = 0.005", &shaped);
     assert_eq!((error.key(), error.line()), (Some("error_budget_mm"), Some(1)));

@@ -48,9 +48,12 @@ fn what_contradicts_itself_is_refused_by_its_key() {
         ("[fans.exhaust]", "fans.exhaust.output"),
         (
             "[fans.a]\noutput = \"fan2\"\n[fans.b]\noutput = \"fan2\"",
-            "fans.b.output = \"fan2\": expected another output: fan2 is the fan a's",
+            "fans.b.output = \"fan2\": expected another output: fan2 is used by the fan a",
         ),
-        ("[fans.a]\noutput = \"fan2\"\nnumber = 0", "fans.a.number = 0: expected another number: 0 is the fan part's"),
+        (
+            "[fans.a]\noutput = \"fan2\"\nnumber = 0",
+            "fans.a.number = 0: expected another number: 0 is used by the fan part",
+        ),
         ("[fans.hotend]\nturns = \"command\"", "fans.hotend.turns = \"command\": expected \"hotend\" for one fan"),
         ("[fans.hotend]\nnumber = 3", "fans.hotend.number = 3: expected no such key"),
         ("[fans.fan2]\nturns = \"controller\"\npower = 0", "fans.fan2.power = 0: expected above 0"),
@@ -86,23 +89,23 @@ fn lights_and_relays_hang_at_outputs_for_fans() {
         ("[outputs.light]\noutput = \"fan2\"\nat_halt = 2", "outputs.light.at_halt = 2: expected 0 to 1"),
         (
             "[outputs.light]\noutput = \"fan2\"\n[fans.a]\noutput = \"fan2\"",
-            "expected another output: fan2 is that of a",
+            "expected another output: fan2 is used by a",
         ),
         (
             "[outputs.a]\noutput = \"fan2\"\n[outputs.b]\noutput = \"fan2\"",
-            "expected another output: fan2 is that of a",
+            "expected another output: fan2 is used by a",
         ),
         ("[outputs.a]\noutput = \"fan2\"\ncolor = \"red\"", "outputs.a.color = \"red\": expected pwm = true with it"),
         (
             "[outputs.a]\noutput = \"fan2\"\npwm = true\ncolor = \"red\"\n\
              [outputs.b]\noutput = \"fan3\"\npwm = true\ncolor = \"red\"",
-            "outputs.b.color = \"red\": expected another color: that one is a's",
+            "outputs.b.color = \"red\": expected another color: this one is used by a",
         ),
         ("[outputs.part]\noutput = \"fan2\"\n[fans.part]\nleast_power = 0.1", "a name that no fan has"),
         ("[outputs.\"a b\"]\noutput = \"fan2\"", "a name of letters, digits and _"),
         (
             "[outputs.a]\noutput = \"fan2\"\nnumber = 3\n[outputs.b]\noutput = \"fan3\"\nnumber = 3",
-            "outputs.b.number = 3: expected another number: 3 is that of a",
+            "outputs.b.number = 3: expected another number: 3 is used by a",
         ),
         (
             "[outputs.a]\noutput = \"part\"",

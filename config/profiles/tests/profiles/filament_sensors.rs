@@ -33,9 +33,9 @@ fn a_sensor_is_a_switch_or_sees_filament_move() {
 fn keys_of_the_other_kind_are_refused() {
     for (keys, refusal) in [
         ("", "filament_sensor.missing_is_low"),
-        ("debounce_s = 1", "expected true or false, of a switch"),
+        ("debounce_s = 1", "expected true or false for a switch"),
         ("missing_is_low = true\ndetection_mm = 7", "a switch sees no filament move, kind = \"motion\" does"),
-        ("kind = \"motion\"\nmissing_is_low = true", "neither level of a motion sensor says so"),
+        ("kind = \"motion\"\nmissing_is_low = true", "neither level of a motion sensor means that filament is missing"),
         ("kind = \"motion\"\ndetection_mm = 0.9", "1 to 100 mm"),
         ("kind = \"motion\"\ndetection_mm = 101", "1 to 100 mm"),
         ("kind = \"motion\"\ndebounce_s = 0.06", "0 to 0.05 s for a motion sensor"),
@@ -59,7 +59,7 @@ fn a_switch_may_be_beside_a_motion_sensor_only() {
         assert_eq!(with(&text), Ok(Some(FilamentSensor { kind, debounce_ms })), "{keys}");
     }
     assert_eq!(with(motion), Ok(None));
-    let alone = "a table [filament_sensor] with kind = \"motion\" beside it";
+    let alone = "a table [filament_sensor] with kind = \"motion\" in the profile";
     for (keys, refusal) in [
         ("[filament_switch]\nmissing_is_low = true", alone),
         ("[filament_sensor]\nmissing_is_low = true\n[filament_switch]\nmissing_is_low = true", alone),

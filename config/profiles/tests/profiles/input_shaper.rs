@@ -38,7 +38,7 @@ fn what_cannot_be_made_is_refused_with_its_line_and_its_cure() {
         ("frequency_hz = 50", "input_shaper.x.kind", "\"none\", \"zv\", \"mzv\""),
         ("kind = \"mzv\"", "input_shaper.x.frequency_hz", "5 to 500 Hz"),
         ("kind = \"zvddd\", frequency_hz = 50", "input_shaper.x.kind", "\"2hump_ei\" or \"3hump_ei\""),
-        ("kind = \"mzv(5)\", frequency_hz = 50", "input_shaper.x.kind", "or such as \"mzv(5,0.9)\""),
+        ("kind = \"mzv(5)\", frequency_hz = 50", "input_shaper.x.kind", "or a value such as \"mzv(5,0.9)\""),
         ("kind = \"mzv(9,1)\", frequency_hz = 50", "input_shaper.x.kind", "in mzv(N,T) N from 3 to 5"),
         ("kind = \"mzv(5,1.1)\", frequency_hz = 10", "input_shaper.x.frequency_hz", "for \"mzv(5,1.100)\""),
         ("kind = \"mzv\", frequency_hz = 4.9", "input_shaper.x.frequency_hz", "5 to 500 Hz"),

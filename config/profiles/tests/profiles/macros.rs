@@ -33,10 +33,10 @@ fn a_macro_may_call_another_and_has_words_with_defaults() {
 
 #[test]
 fn a_macro_that_calls_itself_is_refused() {
-    refused("[macro.AA]\ngcode = \"AA\"\n", "2: macro.AA.gcode = \"AA\": expected no call of itself: AA, AA");
+    refused("[macro.AA]\ngcode = \"AA\"\n", "2: macro.AA.gcode = \"AA\": expected no macro that calls itself: AA, AA");
     refused(
         "[macro.AA]\ngcode = \"BB\"\n[macro.BB]\ngcode = \"\"\"\nG28\nCC\n\"\"\"\n[macro.CC]\ngcode = \"aa\"\n",
-        "9: macro.CC.gcode = \"aa\": expected no call of itself: AA, BB, CC, AA",
+        "9: macro.CC.gcode = \"aa\": expected no macro that calls itself: AA, BB, CC, AA",
     );
 }
 
@@ -61,7 +61,7 @@ fn lines_are_read_for_a_trial() {
         ("HOME_ALL", "\"HOME_ALL\": expected a command, or the name of a macro"),
         ("M105", "\"M105\": expected no M105: a host asks for temperatures by itself"),
         ("M24", "\"M24\": expected no command for the card: its print would go on within the macro"),
-        ("M104 S{T", "\"M104 S{T\": expected each { with its }"),
+        ("M104 S{T", "\"M104 S{T\": expected a } for each {"),
         (
             "M104 S{t=5}",
             "\"M104 S{t=5}\": expected {KEY} or {KEY=DEFAULT}, the key in capitals and the default without blanks",
@@ -71,7 +71,7 @@ fn lines_are_read_for_a_trial() {
     }
     refused(
         &one("M104 S{T=5}\nM140 S{T=6}"),
-        "5: macro.AA.gcode = \"M140 S{T=6}\": expected one default for T: it is 5 in a line before",
+        "5: macro.AA.gcode = \"M140 S{T=6}\": expected one default for T: an earlier line has 5",
     );
 }
 
@@ -95,7 +95,7 @@ fn what_no_image_could_hold_is_refused() {
     // Nor does the reader itself run out of room.
     let deep: String = (0..2000).map(|n| format!("[macro.A_{n}]\ngcode = \"A_{}\"\n", n + 1)).collect();
     let error = read(&format!("{deep}[macro.A_2000]\ngcode = \"G28\"\n")).unwrap_err();
-    assert!(error.contains("expected at most 8 macros within each other"), "{error}");
+    assert!(error.contains("expected at most 8 levels of nested macros"), "{error}");
     let wide: String = (0..7)
         .map(|n| format!("[macro.A_{n}]\ngcode = \"\"\"\n{}\"\"\"\n", format!("A_{}\n", n + 1).repeat(90)))
         .collect();

@@ -54,12 +54,12 @@ fn a_sensor_is_a_name_or_numbers_of_a_data_sheet() {
         ),
         (
             "sensor = { celsius = [25, 150, 250] }",
-            "nozzle.sensor.celsius = [25, 150, 250]: expected ohm beside it: the three resistances, such as \
+            "nozzle.sensor.celsius = [25, 150, 250]: expected ohm with it: three resistances, such as \
              [100000, 1642, 226.2]",
         ),
         (
             "sensor = { ohm = [100000, 1642, 226.2] }",
-            "nozzle.sensor.ohm = [100000, 1642, 226.2]: expected celsius beside it: the three temperatures, such as \
+            "nozzle.sensor.ohm = [100000, 1642, 226.2]: expected celsius with it: three temperatures, such as \
              [25, 150, 250]",
         ),
         (
@@ -68,7 +68,7 @@ fn a_sensor_is_a_name_or_numbers_of_a_data_sheet() {
         ),
         (
             "sensor = { celsius = [150, 25, 250], ohm = [100000, 1642, 226.2] }",
-            "nozzle.sensor.celsius = [150, 25, 250]: expected three temperatures that rise",
+            "nozzle.sensor.celsius = [150, 25, 250]: expected three rising temperatures",
         ),
         (
             "sensor = { celsius = [25, 150, 250], ohm = [226.2, 1642, 100000] }",

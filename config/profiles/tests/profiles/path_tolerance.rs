@@ -53,7 +53,7 @@ fn what_nothing_can_keep_is_refused_with_what_would_do() {
         assert!(shown(&format!("path_tolerance_mm = {value}"), SHAPERS).contains("0.001 to 1 mm"));
     }
     let bare = shown("path_tolerance_mm = 0.05", "");
-    assert!(bare.contains("input_shaper.smooth_time_s beside it"), "{bare}");
+    assert!(bare.contains("input_shaper.smooth_time_s in the profile"), "{bare}");
     let slow = SHAPERS.replace("50", "20");
     let tight = shown("path_tolerance_mm = 0.003", &slow);
     assert!(tight.contains("at least 0.0") && tight.contains("a higher input_shaper frequency_hz"), "{tight}");

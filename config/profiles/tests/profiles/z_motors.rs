@@ -88,7 +88,7 @@ fn bad_values_are_refused_by_name() {
         ("\n[z_motors.motors]\nz = { inverted = true }\nz2 = {}\n".to_owned(), "driver.inverted says it of z"),
         (
             format!("{TWO}[z_motors.points]\na = {{ x = 20, y = 20 }}\nb = {{ x = 140, y = 20 }}\n"),
-            "x and y of each of them",
+            "x and y of each motor",
         ),
         (THREE.replace("back = { x = 80, y = 160 }", ""), "expected 3 to 8 places for 3 motors"),
         (THREE.replace("y = 160", "y = 21"), "farther apart"),
