@@ -48,7 +48,8 @@ pub(crate) fn bltouch(
     let least_mm = mm(-offset_10nm).max(0.0) + PIN_MM;
     let why = |what: &str| {
         format!(
-            "at least {least_mm} mm with the table [bltouch]: {what} the pin may be out, and reaches below the nozzle"
+            "at least {least_mm} mm with the table [bltouch]: the pin may be deployed {what}, and then reaches below \
+             the nozzle"
         )
     };
     if mm(safe.raise_10nm) < least_mm {
@@ -59,7 +60,7 @@ pub(crate) fn bltouch(
     if mm(z.back_off_10nm) < PIN_MM {
         keys.refuse(
             "homing.z.back_off_mm",
-            format!("at least {PIN_MM} mm with the table [bltouch], for the pin to go out again"),
+            format!("at least {PIN_MM} mm with the table [bltouch], for the pin to deploy again"),
         );
     }
     if !stows_each_touch && mm(z.back_off_10nm) > ALARM_S * z.fast_mm_per_s {

@@ -60,7 +60,7 @@ pub(crate) fn z_motors(
             section.flag("inverted").or(false, "direction of the motor is inverted (for `z`, see `driver.inverted`)");
         if *name == FIRST {
             if is_inverted {
-                section.refuse("inverted", "false: driver.inverted says it of z");
+                section.refuse("inverted", "false: driver.inverted sets it for z");
             }
         } else if let Some(motor) = free.next() {
             *motor = Some(ZMotor { socket: name, is_inverted });

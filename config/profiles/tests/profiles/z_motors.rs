@@ -85,7 +85,7 @@ fn bad_values_are_refused_by_name() {
             "expected z, and 1 to 3 others",
         ),
         ("\n[z_motors.motors]\nz = {}\ne4 = {}\n".to_owned(), "expected z, z2, e1, e2, e3, not e4"),
-        ("\n[z_motors.motors]\nz = { inverted = true }\nz2 = {}\n".to_owned(), "driver.inverted says it of z"),
+        ("\n[z_motors.motors]\nz = { inverted = true }\nz2 = {}\n".to_owned(), "driver.inverted sets it for z"),
         (
             format!("{TWO}[z_motors.points]\na = {{ x = 20, y = 20 }}\nb = {{ x = 140, y = 20 }}\n"),
             "x and y of each motor",
