@@ -35,16 +35,20 @@ pub enum ReadError {
 impl fmt::Display for ReadError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Magic => out.write_str("not a black box (wrong magic number)"),
-            Self::Short => out.write_str("the black box ends too early: fetch it again"),
+            Self::Magic => out.write_str("not a black box: its first bytes are not those of one"),
+            Self::Short => out.write_str("the black box is cut short: fetch it again"),
             Self::Checksum { expected, computed } => write!(
                 out,
-                "the black box is damaged: its checksum is {computed:08x}, expected {expected:08x}: fetch it again"
+                "the black box is damaged: its checksum is {expected:08x}, that of its bytes {computed:08x}: fetch it again"
             ),
-            Self::Slot(place) => write!(out, "slot {place} of the black box is not one of a step queue"),
-            Self::Counts => out.write_str("the black box counts more steps than it holds"),
-            Self::Name => out.write_str("a name in the black box is not text"),
-            Self::Long(bytes) => write!(out, "{bytes} bytes after the end of the black box, expected none"),
+            Self::Slot(place) => {
+                write!(out, "the black box is damaged: a step queue has no slot {place}: fetch it again")
+            }
+            Self::Counts => {
+                out.write_str("the black box is damaged: it counts more steps than it holds: fetch it again")
+            }
+            Self::Name => out.write_str("the black box is damaged: a name in it is not text: fetch it again"),
+            Self::Long(bytes) => write!(out, "{bytes} bytes follow the end of the black box: fetch it again"),
         }
     }
 }

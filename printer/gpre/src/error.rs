@@ -66,10 +66,13 @@ pub enum Fault {
     Content(&'static str),
 }
 
+/// Remedy for a file with wrong bytes.
+const AGAIN: &str = ": copy the file, or prepare the job, again";
+
 impl fmt::Display for Fault {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Magic => write!(out, "not a GPRE file (wrong magic number)"),
+            Self::Magic => write!(out, "not a prepared job: its first bytes are not those of GPRE"),
             Self::NewerVersion { version, newest } => {
                 write!(out, "written in version {version} of the format, expected at most {newest}")
             }
@@ -88,21 +91,17 @@ impl fmt::Display for Fault {
                 out,
                 "planned by version {file} of the planner, expected version {machine}: prepare the job again"
             ),
-            Self::Truncated => write!(out, "the file ends too early, expected more bytes"),
-            Self::Trailing => write!(out, "more bytes after the last frame, expected the end of the file"),
-            Self::NoFrame => {
-                write!(out, "no frame begins here (wrong mark): the file is damaged, prepare or copy it again")
-            }
-            Self::Length { length } => {
-                write!(out, "a length of {length} bytes is impossible: the file is damaged, prepare or copy it again")
-            }
+            Self::Truncated => write!(out, "the file is cut short{AGAIN}"),
+            Self::Trailing => write!(out, "bytes follow the last frame{AGAIN}"),
+            Self::NoFrame => write!(out, "damaged: no frame begins here{AGAIN}"),
+            Self::Length { length } => write!(out, "damaged: no part of a file has {length} bytes{AGAIN}"),
             Self::Checksum { file, computed } => {
-                write!(out, "bits have changed: the checksum is {file:08x}, expected {computed:08x}")
+                write!(out, "damaged: its checksum is {file:08x}, that of its bytes {computed:08x}{AGAIN}")
             }
             Self::Sequence { number, expected } => {
-                write!(out, "frames out of order: this is number {number}, expected number {expected}")
+                write!(out, "frames out of order: this is number {number}, expected number {expected}{AGAIN}")
             }
-            Self::Content(expected) => write!(out, "meaningless content, expected {expected}"),
+            Self::Content(expected) => write!(out, "unreadable content, expected {expected}{AGAIN}"),
         }
     }
 }

@@ -37,11 +37,15 @@ impl fmt::Display for CommandError {
                 Real::fixed(*start_radius_mm, 3),
                 Real::fixed(*end_radius_mm, 3)
             ),
+            Self::ArcRadius { chord_mm, .. } if *chord_mm == 0.0 => {
+                write!(out, "R: the arc ends where it starts: give I and J for a full circle")
+            }
             Self::ArcRadius { radius_mm, chord_mm } => write!(
                 out,
-                "R: a radius of {} mm cannot span {} mm: R must be at least half of that, and the end differ from the start",
+                "R: an arc of radius {} mm cannot span {} mm: make R at least {} mm",
                 Real::fixed(*radius_mm, 3),
-                Real::fixed(*chord_mm, 3)
+                Real::fixed(*chord_mm, 3),
+                Real::fixed(chord_mm / 2.0 + 0.000_49, 3)
             ),
             Self::TooHot { celsius, maximum_celsius, below } => {
                 let (celsius, maximum) = (Real::short(*celsius, 6), Real::short(*maximum_celsius, 2));

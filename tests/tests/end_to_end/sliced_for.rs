@@ -86,7 +86,10 @@ fn a_travel_that_cannot_be_read_or_built_is_named_and_none_of_it_is_taken() {
             "; bed_shape = 0x0,350x0,35x,0x350\n; max_print_height = 340",
             "no travel can be read from its comment \"bed_shape = 0x0,350x0,35x,0x350\"",
         ),
-        ("; bed_shape = 0x0,5000x5000\n; max_print_height = 340", "5000 x 5000 x 340 mm, is no machine's here"),
+        (
+            "; bed_shape = 0x0,5000x5000\n; max_print_height = 340",
+            "5000 x 5000 x 340 mm, does not suit ferrostep's machine",
+        ),
     ] {
         let outcome = estimate("job.gcode", job(comments));
         assert_eq!(outcome.status, Some(1), "{outcome:#?}");
