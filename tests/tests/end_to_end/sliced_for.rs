@@ -17,7 +17,10 @@ fn estimate(name: &str, bytes: impl AsRef<[u8]>) -> Outcome {
 fn a_job_is_planned_on_the_travel_that_its_comments_name() {
     let long = ";\n".repeat(200_000);
     let orca = "; printable_area = 0x0,350x0,350x350,0x350\n; printable_height = 340";
+    let idea =
+        ";Sliced by ideaMaker 5.4.2.8790, 2026-03-01\n;Dimension: 350.000 350.000 340.000 0.400\n;Origin Center: 0";
     for (name, bytes) in [
+        ("ideamaker.gcode", format!("{idea}\n{}", job("")).into_bytes()),
         ("prusa.gcode", job("; bed_shape = 0x0,350x0,350x350,0x350\r\n; max_print_height = 340").into_bytes()),
         ("orca.gcode", format!("{orca}\n{}{long}", job("")).into_bytes()),
         ("packed.gcode.gz", gzip(format!("{long}{}", job(orca)).as_bytes())),

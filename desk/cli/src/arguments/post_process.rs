@@ -9,7 +9,7 @@ use super::values::rules;
 /// Arguments of `post-process`.
 #[derive(clap::Args)]
 pub struct PostProcessArguments {
-    /// The G-code, as text. It is replaced when all of its new text is on the disk; slicers give it
+    /// The G-code, as text or binary. It is replaced when all of the new file is on the disk; slicers give it
     /// as the last argument.
     pub file: PathBuf,
     /// Writes the new text here, and leaves FILE as it is.
