@@ -135,8 +135,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// While the print is paused: keeps its place, and the height to which a person
-    /// moves the nozzle.
+    /// Keeps the place while the print is paused, with the height to which a person moves the
+    /// nozzle.
     pub(crate) fn keep_while_paused(&mut self) {
         if !self.print.power_loss.is_keeping || self.print.card.job != Job::Paused {
             return;
@@ -149,8 +149,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Ends keeping with the print. The place of a print that a halt has ended stays:
-    /// it can be resumed.
+    /// Ends keeping together with the print. After a halt the place stays: the print can be
+    /// resumed.
     pub(crate) fn end_keeping(&mut self) {
         let is_resumable = self.signals.is_halted() || core::mem::take(&mut self.print.power_loss.is_resuming);
         if self.print.power_loss.is_keeping && !is_resumable {
@@ -159,7 +159,7 @@ impl<P: Ports> Printer<'_, P> {
         (self.print.power_loss.is_keeping, self.print.power_loss.is_pending) = (false, false);
     }
 
-    /// The card keeps no place any more.
+    /// Notes that the card no longer keeps a place.
     pub(super) fn forget_place(&mut self) {
         (self.print.power_loss.is_keeping, self.print.power_loss.is_pending, self.print.power_loss.stands_10nm) =
             (false, false, None);
@@ -169,7 +169,7 @@ impl<P: Ports> Printer<'_, P> {
         self.write_place();
     }
 
-    /// Notes a place, which is written later. `false`: the one before is still being written.
+    /// Notes a place, to be written later; `false` if the previous one is still being written.
     fn note_place(&mut self, stands_10nm: i64, offset: u32, lines: u32, paused: Paused) -> bool {
         let mut place = Place::<<P::Motion as Motion>::Tools> {
             stands_10nm,
@@ -215,8 +215,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// The motors of Z go to this height: if it is below the kept one, that follows,
-    /// before they are there.
+    /// Prepares for the Z motors to go to this height: if it is below the kept one, the kept one is
+    /// lowered before they arrive.
     fn lower_kept_height(&mut self, z_10nm: i64) {
         if self.print.power_loss.stands_10nm.is_none_or(|stands_10nm| z_10nm >= stands_10nm) {
             return;
