@@ -65,8 +65,8 @@ pub fn motor_queue(pins: BoardPins, clock: &Clock, motion_clock: MotionClock) ->
     MotorQueue::new(pins, feeder, planning_clock)
 }
 
-/// Builds the machine in its final place. Not inlined: its stack is free again before a task
-/// begins; the stack of `init` is not.
+/// Builds the machine in its final place.
+// Not inlined: its stack is free again before a task begins; the stack of `init` is not.
 #[inline(never)]
 pub fn build_machine(
     place: &'static mut MaybeUninit<BoardMachine>,
