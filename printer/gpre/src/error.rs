@@ -1,4 +1,4 @@
-//! The faults of a file, and where they are.
+//! Faults of a file and their places.
 
 use core::fmt;
 
@@ -13,7 +13,7 @@ pub enum Fault {
     NewerVersion {
         /// The file's version.
         version: u16,
-        /// The newest that is read here.
+        /// The newest version that this reader supports.
         newest: u16,
     },
     /// The file is in an encoding that does not exist.
@@ -34,10 +34,10 @@ pub enum Fault {
     OtherPlanner {
         /// Version in the file.
         file: u32,
-        /// Version of the machine's.
+        /// Version of the machine's planner.
         machine: u32,
     },
-    /// The file ends here, in the middle of something.
+    /// The file ends in the middle of a part.
     Truncated,
     /// Bytes follow the last frame.
     Trailing,
@@ -52,17 +52,17 @@ pub enum Fault {
     Checksum {
         /// Checksum in the file.
         file: u32,
-        /// Checksum of its bytes.
+        /// Checksum computed from the bytes.
         computed: u32,
     },
-    /// The frames are not in their order.
+    /// The frames are out of order.
     Sequence {
         /// Number in the file.
         number: u32,
         /// The number expected.
         expected: u32,
     },
-    /// The content of a frame has no meaning; the text says what was expected.
+    /// The content of a frame is invalid; the text says what was expected.
     Content(&'static str),
 }
 
@@ -111,7 +111,7 @@ impl fmt::Display for Fault {
 pub struct ReadError {
     /// The fault.
     pub fault: Fault,
-    /// Byte in the file at which the part begins that is wrong.
+    /// Offset of the faulty part in the file, bytes.
     pub offset: u64,
     /// Number of the frame, from 0; `None` before the first.
     pub frame: Option<u32>,

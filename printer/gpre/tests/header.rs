@@ -1,4 +1,4 @@
-//! The header: what is written is what is read; each refusal says what and where.
+//! The header: what is written is read back; each rejection says what and where.
 #![allow(clippy::unwrap_used)]
 
 use ferrostep_gpre::header::{FIXED_BYTES, HeaderCheck};

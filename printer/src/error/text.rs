@@ -1,4 +1,4 @@
-//! Texts of refused commands for a person: the expected value, or how to mend it.
+//! Texts of refused commands for a person: the expected value, or the cure.
 
 use core::fmt;
 
@@ -266,7 +266,7 @@ impl fmt::Display for CommandError {
     }
 }
 
-/// A machine position as messages show it, mm; in units of 10 nm.
+/// A machine position, shown in mm in messages; units of 10 nm.
 struct Place([i32; 3]);
 
 impl fmt::Display for Place {
@@ -276,7 +276,7 @@ impl fmt::Display for Place {
     }
 }
 
-/// A length as messages show it, mm.
+/// A length as shown in messages, mm.
 fn mm(length_10nm: i64, decimals: u8) -> Real {
     Real::fixed(length_10nm as f64 / 100_000.0, decimals)
 }
