@@ -110,8 +110,8 @@ impl Extruder {
         ExtruderPosition { whole_256ths: whole_256ths + whole, remainder: rest as u32 / unit }
     }
 
-    /// Divisor common to units of filament times units of steps/mm and to the unit of the
-    /// remainder. Both are multiples of it.
+    /// Units of filament times units of steps/mm in a unit of the remainder. Both are multiples
+    /// of it.
     fn remainder_unit(&self) -> u32 {
         UNITS_PER_256TH as u32 / self.steps_per_mm.of_filament().denominator
     }

@@ -60,8 +60,8 @@ impl<P: Ports> Printer<'_, P> {
         <P::Motion as Motion>::ZMotors::PRESENT && self.profile.aligns_z()
     }
 
-    /// Executes G34. Afterwards Z is where the probe found the bed at the homing place. Z then
-    /// follows no mesh; the mesh keeps its points.
+    /// Executes G34. Afterwards Z is where the probe found the bed at the homing place, and follows
+    /// no mesh if a motor has moved; the mesh keeps its points.
     pub(super) async fn align_z(
         &mut self,
         rounds: Option<u8>,
@@ -84,7 +84,7 @@ impl<P: Ports> Printer<'_, P> {
             }
             Ok(true) => self.interpreter.modal.homed[Z] = true,
             Ok(false) => {}
-            // The bed's height at the homing place holds for the motors' former heights only.
+            // The bed's height that homing found may be that of motors at other heights.
             Err(_) if !self.interpreter.modal.homed[Z] => self.interpreter.forget_home(1 << Z),
             Err(_) => {}
         }
