@@ -63,7 +63,7 @@ fn identity(root: &Path, board: &str, profile: &str) -> std::io::Result<String> 
     version.watch();
     let name = "ferrostep ";
     let (from, to) = (name.len(), name.len() + version.text.len());
-    // On a line of its own among the image's texts.
+    // On a separate line among the image's texts.
     let text = format!("{name}{} {board} {profile}\n", version.text);
     Ok(format!("Identity {{ text: {text:?}, version: {from}..{to} }}"))
 }

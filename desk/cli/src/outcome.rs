@@ -40,8 +40,8 @@ pub fn of_arguments(answer: &clap::Error) -> ExitCode {
     }
 }
 
-/// The refusal of a number in words: clap repeats those of the parser ("invalid digit found in string",
-/// "1 is not in 2..=99"), which do not say what to write.
+/// The refusal of a number in words: clap repeats those of the parser ("invalid digit found in
+/// string", "1 is not in 2..=99"), which do not say what to write.
 fn in_words(answer: &clap::Error) -> Option<clap::Error> {
     let parser = answer.source()?;
     let expected = if parser.is::<ParseFloatError>() {

@@ -226,8 +226,8 @@ impl<W: Write> Copy<'_, W> {
     }
 }
 
-/// A comment or an entry of metadata that holds a time, with the time of the print at a line; `None`
-/// for others.
+/// A comment or an entry of metadata that holds a time, with the print's time at a line; `None` for
+/// others.
 pub(crate) fn with_times(line: &[u8], times: &PrintTimes, number: u32) -> Option<Vec<u8>> {
     // Comments may hold bytes of any encoding; those with a time are text.
     let found: Vec<SlicerTime> = slicer_times(std::str::from_utf8(line).ok()?).collect();

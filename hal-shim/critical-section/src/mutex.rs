@@ -63,7 +63,7 @@ impl<T> Mutex<RefCell<T>> {
 }
 
 impl<T: Default> Mutex<RefCell<T>> {
-    /// Takes the value and leaves the default in its place.
+    /// Takes the value and leaves the default instead.
     #[track_caller]
     pub fn take<'cs>(&'cs self, section: CriticalSection<'cs>) -> T {
         self.borrow(section).take()

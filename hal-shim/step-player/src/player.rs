@@ -202,7 +202,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
     ///
     /// The gap in progress is that of the last slot, or the idle one. So the event that was held
     /// back until its successor came keeps its distance from the one before, and the gap after it
-    /// is the one of its own slot.
+    /// is that of its slot.
     #[inline(always)]
     fn start<T: UpdateTimer>(&self, next: &mut NextWords<PORTS>, timer: &T) {
         let slot = self.next_slot();

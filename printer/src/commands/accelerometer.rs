@@ -11,7 +11,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.fitted.accelerometer = Some(accelerometer);
     }
 
-    /// The accelerometer, or an error if there is none.
+    /// The accelerometer, or an error without one.
     pub(crate) fn needed_accelerometer(&self) -> Result<&'a dyn Accelerometer, CommandError> {
         let what = "accelerometer: a board has one where its file has the table [accelerometer], the printer of `serve` where its \
                     profile has frame.x and frame.y";

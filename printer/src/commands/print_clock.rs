@@ -53,7 +53,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Ends a host's print when the last heater is switched off, as in Marlin. The card knows the
-    /// end of its own print.
+    /// end of the print it holds.
     fn print_cools(&mut self) {
         let is_cold = self.modes.targets_celsius.iter().all(|celsius| *celsius <= 0.0);
         if is_cold && self.print.card.job == Job::None && !self.is_paused() {

@@ -65,6 +65,8 @@ fn limits_in_the_comments_hold_for_every_command_and_none_if_the_machine_cannot_
     assert!(own_s - fast_s > 10.0, "Z is five times as fast as the built-in one: {fast_s} {own_s}");
     let (swept_s, note) = seconds("sweep", "fast.gcode", limits(50), &["--set", "junction_deviation_mm=0.05"]);
     assert!((swept_s - fast_s).abs() < 1e-6 && note.contains("350 x 350"), "{swept_s} {fast_s} {note}");
+    let (corrected_s, note) = seconds("post-process", "fast.gcode", limits(50), &[]);
+    assert!((corrected_s - fast_s).abs() < 1e-6 && note.contains("350 x 350"), "{corrected_s} {fast_s} {note}");
     let (_, note) = seconds("compare", "fast.gcode", limits(50), &["--set", "junction_deviation_mm=0.05"]);
     assert_eq!(note.matches("350 x 350").count(), 1, "{note}");
 }
