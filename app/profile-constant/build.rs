@@ -1,6 +1,6 @@
-//! Puts the machine's profile where the crate includes it.
+//! Generates the machine's profile for inclusion in the crate.
 //!
-//! The profile is the TOML that the desk reads too, checked by the same code and held
+//! The profile is the same TOML file that the desktop tool reads, checked by the same code and
 //! against the board.
 
 use std::path::PathBuf;
@@ -11,10 +11,10 @@ use ferrostep_boards::chosen;
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (_, profile) = chosen::machine()?;
     let out = PathBuf::from(env::var("OUT_DIR")?);
-    // The derived `Debug` of plain data is an expression of Rust, which `src/lib.rs` compiles with
-    // the names in scope.
+    // The derived `Debug` output of plain data is a Rust expression, which `src/lib.rs` compiles
+    // with the names in scope.
     fs::write(out.join("profile.rs"), format!("{profile:?}"))?;
-    // How the step interrupt makes a step, as a type: it is compiled for that one kind.
+    // The kind of step signal, as a type: the step interrupt is compiled for that kind only.
     let signals = if profile.driver.both_edges { "BothEdges" } else { "Pulses" };
     let signals =
         format!("/// Step signals of the drivers.\npub type StepSignals = ferrostep_step_player::{signals};\n");

@@ -1,4 +1,4 @@
-//! The accelerometer, on a board that has a plug for one.
+//! The accelerometer, on boards with a connector for one.
 
 #[cfg(not(accelerometer))]
 mod no_plug;

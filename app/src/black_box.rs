@@ -1,5 +1,5 @@
 //! The black box: records in memory that a reset leaves alone, the step queue's past, and their
-//! lines to a host (M791).
+//! output to a host (M791).
 
 use core::cell::{Cell, RefCell};
 use core::fmt::{self, Write};
@@ -24,20 +24,20 @@ use crate::identity::IDENTITY;
 use crate::ports::{BoardMachine, BoardReplies};
 use crate::profile::PROFILE;
 
-/// Time between two looks for room for a line, ms.
+/// Interval between two checks for room for a line, ms.
 const LOOK_MS: u32 = 2;
 
-/// Checks after which a host that does not read gets no more lines: 2 s.
+/// Number of checks after which a host that does not read gets no more lines: 2 s.
 const MAX_LOOKS: u32 = 1000;
 
-/// The records, shared by the tasks that make some. One at a time does.
+/// The records, shared by the tasks that write them. One writes at a time.
 pub struct Records(&'static RecordMemory);
 
 impl Records {
-    /// Takes over what the program before this reset has left, and the step queue's record: the
-    /// interrupt may run after this.
+    /// Takes over the records of the program that ran before this reset, and the step queue's past;
+    /// the interrupt may run after this call.
     pub fn start(cause: ResetCause, rcc: &Rcc) -> Self {
-        // Without supply the memory was random.
+        // After a power-on the memory is random.
         STEPS.restart(cause != ResetCause::PowerOn);
         let memory = black_box::start(rcc);
         if memory.restart(STEPS.motions()) == Found::Records {
@@ -46,12 +46,12 @@ impl Records {
         Self(memory)
     }
 
-    /// The last words of the program before.
+    /// Records the last words of the previous program.
     pub fn last_words(&self, words: &dyn fmt::Display) {
         self.0.add_last(None, &Record::LastWords(text(words).as_bytes()));
     }
 
-    /// Temperatures now.
+    /// Records the present temperatures.
     pub fn temperatures(&self, heating: &impl Heating) {
         let sample = |heater| {
             let status = heating.status(heater);
@@ -66,13 +66,13 @@ impl Records {
         }
     }
 
-    /// A driver has reported something.
+    /// Records a driver's report.
     #[cfg(drivers)]
     pub fn driver(&self, event: &dyn fmt::Display) {
         self.record(&Record::Driver(text(event).as_bytes()));
     }
 
-    /// The machine was halted: nothing more is recorded until the next motion.
+    /// Records that the machine was halted: nothing more is recorded until the next motion.
     pub fn halted(&self, fault: Option<HeatFault>) {
         match fault {
             Some(fault) => self.record(&Record::Halt(text(&fault).as_bytes())),
@@ -86,7 +86,7 @@ impl Records {
     }
 }
 
-/// A text, or as much of it as a record keeps.
+/// A text, cut to the length that a record holds.
 #[inline(never)]
 fn text(of: &dyn fmt::Display) -> String<MAX_TEXT_BYTES> {
     let mut text = String::new();
@@ -94,30 +94,32 @@ fn text(of: &dyn fmt::Display) -> String<MAX_TEXT_BYTES> {
     text
 }
 
-/// Records the motors' positions at the end of the queue.
+/// Records the motor positions at the end of the queue.
 pub fn note_position(machine: &BoardMachine) {
     let steps = machine.motor_steps().map(|steps| steps as i32);
     STEPS.note_position(machine.slots_queued(), steps, Mono::now().ticks());
 }
 
-/// The black box, as the task that executes commands shares it.
+/// The black box, as shared with the task that executes commands.
 pub struct BoardBlackBox<B> {
     records: RefCell<B>,
     is_wanted: Cell<bool>,
 }
 
 impl<B: Mutex<T = Records>> BoardBlackBox<B> {
-    /// Black box that no host has asked for yet.
+    /// Creates a black box that no host has asked for yet.
     pub const fn new(records: B) -> Self {
         Self { records: RefCell::new(records), is_wanted: Cell::new(false) }
     }
 
-    /// True once if a host has asked for the record; it goes to the host that was answered last.
+    /// Returns true once after a host has asked for the record, which goes to the host that was
+    /// answered last.
     pub fn take_wanted(&self) -> bool {
         self.is_wanted.take()
     }
 
-    /// Sends it to the host that is answered now, as fast as that reads, at standstill.
+    /// Sends the record to the host that is being answered, as fast as that host reads, at
+    /// standstill.
     pub async fn send_to<W: Mutex<T = Writers>>(&self, replies: &BoardReplies<W>) {
         let facts = Facts {
             both_edges: PROFILE.driver.both_edges,
@@ -164,7 +166,7 @@ impl<B: Mutex<T = Records>> ferrostep_printer::BlackBox for BoardBlackBox<B> {
     }
 }
 
-/// The step queue's past, with this board's motors.
+/// The step queue's past, in terms of this board's motors.
 struct Steps;
 
 impl StepPast for Steps {

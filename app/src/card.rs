@@ -1,4 +1,4 @@
-//! The memory card, on a board that has a slot.
+//! The memory card, on boards with a slot.
 
 #[cfg(not(card))]
 mod no_slot;

@@ -1,4 +1,4 @@
-//! Time for the command side: SysTick's milliseconds.
+//! Time for the command side, from SysTick in milliseconds.
 
 use core::cell::Cell;
 
@@ -9,8 +9,8 @@ use rtic_monotonics::systick::prelude::*;
 systick_monotonic!(Mono, 1_000);
 
 #[cfg(any(drivers, tachometers, accelerometer))]
-/// A period that is kept: [`Mono::delay`] adds a tick, so that a loop of one
-/// millisecond would take two.
+/// A period without drift: [`Mono::delay`] adds a tick, so that a loop of one millisecond would
+/// take two.
 pub struct Period {
     next: <Mono as Monotonic>::Instant,
     length: <Mono as Monotonic>::Duration,
@@ -18,23 +18,23 @@ pub struct Period {
 
 #[cfg(any(drivers, tachometers, accelerometer))]
 impl Period {
-    /// A period in milliseconds that begins now.
+    /// Begins a period now, in milliseconds.
     pub fn new(milliseconds: u32) -> Self {
         Self { next: Mono::now(), length: milliseconds.millis() }
     }
 
-    /// Waits for its next end. Those that were missed are left out.
+    /// Waits for the next end of the period. Missed ends are skipped.
     pub async fn pass(&mut self) {
         self.next = (self.next + self.length).max(Mono::now());
         Mono::delay_until(self.next).await;
     }
 }
 
-/// Reads the time and waits for it.
+/// A clock that tells the time and waits.
 #[derive(Clone, Debug, Default)]
 pub struct SystemClock {
-    /// SysTick's count is 32 bits of milliseconds, 49 days: its last reading, and how
-    /// often it has wrapped.
+    /// Last reading of SysTick's count, 32 bits of milliseconds (49 days); the number of wraps
+    /// follows.
     last_ms: Cell<u32>,
     wraps: Cell<u32>,
 }

@@ -1,4 +1,4 @@
-//! The printer task's work: lines to commands, commands to moves and replies.
+//! The printer task's work: from lines to commands, and from commands to moves and replies.
 
 use core::cell::RefCell;
 
@@ -28,35 +28,35 @@ use crate::profile::PROFILE;
 use crate::settings_memory;
 use crate::timing::BoardTiming;
 
-/// Resources that the task shares with others.
+/// Resources that the printer task shares with others.
 pub struct Shared<M, H, W, D, A, R, B> {
-    /// The machine, with the planner task.
+    /// The machine, shared with the planner task.
     pub machine: M,
-    /// The heaters, with their control.
+    /// The heaters, shared with their control.
     pub heat: H,
-    /// The hosts' lines, with all who report.
+    /// The hosts' lines, shared with all tasks that report.
     pub writers: W,
-    /// The motors' drivers, with the task that looks after them.
+    /// The motor drivers, shared with the task that supervises them.
     pub drivers: D,
-    /// The accelerometer's recorder, with the task that takes its samples.
+    /// The accelerometer's recorder, shared with the task that takes its samples.
     pub recorder: A,
-    /// The black box's records, with the tasks that make some.
+    /// The black box's records, shared with the tasks that write them.
     pub records: R,
-    /// Questions to the card's task; `None` if the board has no slot, or no clock for it.
+    /// Mailbox to the card's task; `None` if the board has no slot, or no clock for it.
     pub mailbox: Option<B>,
 }
 
-/// Resources that only the task uses.
+/// Resources that only the printer task uses.
 pub struct Own<'a> {
-    /// Bytes of the hosts.
+    /// Source of the hosts' bytes.
     pub reader: &'a mut Reader,
-    /// Switch of the measuring (M798).
+    /// Switch of the time measurement (M798).
     pub measured: &'a mut Switch,
-    /// Room for a job's bytes.
+    /// Buffer for a job's bytes.
     pub job: &'a mut [u8; JOB_BYTES],
 }
 
-/// Executes what the hosts send, and prints from the card.
+/// Executes the hosts' commands, and prints from the card.
 pub async fn execute<M, H, W, D, A, R, B>(
     shared: Shared<M, H, W, D, A, R, B>,
     own: Own<'_>,
@@ -129,8 +129,8 @@ where
                 black_box.send_to(&replies).await;
             }
             if let Some(request) = printer.take_job_request() {
-                // The host that asks waits for the answer, and sends again what it sent
-                // after the question.
+                // The host that asks waits for the answer, and then resends the lines that followed
+                // the question.
                 let mut line = JobPort::new(own.reader, port, &mut hosts, &replies);
                 let ended = printer.receive_job(request, &mut line, own.job).await;
                 hosts.job_ended(port, ended);

@@ -1,5 +1,5 @@
-//! The motors' drivers as the printer sees them, and their line as the drivers' own code does:
-//! views of the state that tasks share.
+//! The motor drivers as the printer sees them, and their line as the driver code sees it: views of
+//! state that tasks share.
 
 #[cfg(drivers)]
 use core::cell::RefCell;
@@ -21,15 +21,14 @@ use rtic::Mutex;
 use crate::profile::PROFILE;
 use crate::wiring::{BoardDriverLine, DRIVER_WIRING, DRIVERS};
 
-/// Baud rate for timeouts on the bare internal oscillator. That is also an emulator's clock, and
-/// its time may run many times faster than that of the program that answers.
+/// Baud rate assumed for timeouts on the bare internal oscillator. An emulator runs on that clock
+/// too, and its time may run many times faster than that of the program that answers.
 const PATIENT_BAUD: u32 = 200;
 
 /// The drivers of all motors.
 pub type BoardDriverBank = DriverBank<DRIVERS>;
 
-/// The profile's settings of a motor's driver. Further motors lift Z, except that of the
-/// second extruder.
+/// Profile settings of a motor's driver. Further motors lift Z, except that of the second extruder.
 fn settings_of(motor: usize) -> Option<DriverSettings> {
     match PROFILE.tools {
         Some(Kept(tools)) if motor == SECOND_EXTRUDER => tools.get(1).and_then(|tool| tool.driver),
@@ -37,7 +36,7 @@ fn settings_of(motor: usize) -> Option<DriverSettings> {
     }
 }
 
-/// The profile's drivers, not set up yet. Their clock is the motion clock's.
+/// Creates the profile's drivers, not set up yet. They use the motion clock.
 pub fn bank(clock: &Clock, now_ticks: u32) -> BoardDriverBank {
     let present = FERROSTEP_DRIVERS.load(Ordering::Relaxed);
     let mut drivers = [None; DRIVERS];
@@ -50,7 +49,7 @@ pub fn bank(clock: &Clock, now_ticks: u32) -> BoardDriverBank {
 }
 
 #[cfg(drivers)]
-/// The line; each call into it keeps its interrupt out.
+/// The line; each call to it holds off its interrupt.
 pub struct Line<'a, L>(pub &'a mut L);
 
 #[cfg(drivers)]
@@ -69,7 +68,7 @@ impl<L: Mutex<T = BoardDriverLine>> SingleWireUart for Line<'_, L> {
 }
 
 #[cfg(drivers)]
-/// The drivers, as the task that executes commands shares them.
+/// The drivers, as shared with the task that executes commands.
 pub struct BoardDrivers<B>(pub RefCell<B>);
 
 #[cfg(drivers)]

@@ -1,24 +1,24 @@
-//! The planner task's demand for the fans, as the heaters' task takes it.
+//! The planner task's fan demand, for the heater task.
 
 use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 
 use ferrostep_hal_shim::FanOutput;
 use ferrostep_printer::FanDemand;
 
-/// The demand between two tasks. Each fan is by itself, so that it does not matter when one is
-/// seen before another.
+/// Fan demand shared by two tasks. Each fan is independent, so it does not matter if one is seen
+/// before another.
 pub struct SharedDemand {
     powers: [AtomicU8; FanOutput::COUNT],
     motors_on: AtomicBool,
 }
 
 impl SharedDemand {
-    /// Demand of fans that are all off.
+    /// Creates a demand with all fans off.
     pub const fn new() -> Self {
         Self { powers: [const { AtomicU8::new(0) }; FanOutput::COUNT], motors_on: AtomicBool::new(false) }
     }
 
-    /// Sets it.
+    /// Stores the demand.
     pub fn store(&self, demand: &FanDemand) {
         for (shared, power) in self.powers.iter().zip(demand.powers) {
             shared.store(power, Ordering::Relaxed);
@@ -26,7 +26,7 @@ impl SharedDemand {
         self.motors_on.store(demand.motors_on, Ordering::Relaxed);
     }
 
-    /// Reads it.
+    /// Reads the demand.
     pub fn load(&self) -> FanDemand {
         FanDemand {
             powers: self.powers.each_ref().map(|power| power.load(Ordering::Relaxed)),

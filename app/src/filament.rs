@@ -1,5 +1,5 @@
-//! The filament's encoder, for the planner task: it knows best how far the motors are, and
-//! looks every 2 ms.
+//! The filament encoder, read by the planner task, which has the motor positions and runs every 2
+//! ms.
 
 use ferrostep_printer::{EncoderWatch, Signals};
 use ferrostep_stm32f4_board::board::is_triggered;
@@ -8,16 +8,16 @@ use crate::ports::BoardMachine;
 use crate::profile::PROFILE;
 use crate::wiring::FILAMENT;
 
-/// Reads the encoder, on a machine that has one.
+/// Reader of the filament encoder, on machines that have one.
 pub struct Encoder(EncoderWatch);
 
 impl Encoder {
-    /// Encoder before any filament has moved.
+    /// Creates the reader before any filament has moved.
     pub const fn new() -> Self {
         Self(EncoderWatch::new())
     }
 
-    /// Reads the encoder after the planner task's work. The clock of milliseconds may wrap.
+    /// Reads the encoder after the planner task's work. The millisecond clock may wrap.
     pub fn look(&mut self, machine: &BoardMachine, now_ms: u32, signals: &Signals) {
         if let (Some(pin), Some(sensor)) = (FILAMENT, &PROFILE.filament_sensor)
             && sensor.detection_10nm().is_some()

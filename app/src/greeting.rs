@@ -1,4 +1,4 @@
-//! The first lines that hosts get.
+//! The first lines sent to hosts.
 
 use ferrostep_gcode::Reply;
 use ferrostep_stm32f4::clock_tree::Clock;
@@ -11,18 +11,18 @@ use crate::host_line::{To, Writers};
 
 /// The circumstances of the board's start.
 pub struct Start<'a> {
-    /// The source of the board's clock.
+    /// Source of the board's clock.
     pub clock: &'a Clock,
-    /// The cause of the reset.
+    /// Cause of the reset.
     pub reset_cause: ResetCause,
-    /// The voltage below which the board resets itself: set already, or set at this start.
+    /// State of the voltage below which the board resets itself: set before, or at this start.
     pub brown_out: BrownOut,
-    /// The reason why USB does not work; `None` if it works.
+    /// Reason for which USB does not work; `None` if it works.
     pub no_usb: Option<&'a NoUsb>,
 }
 
 impl Start<'_> {
-    /// Tells every host, with the last words of a run that ended in a crash.
+    /// Reports the start to every host, with the last words of a run that ended in a crash.
     pub fn tell(&self, writers: &mut Writers, records: &Records) {
         writers.line(To::All, Reply::Start);
         writers.line(To::All, format_args!("echo:board: {}", board::NAME));

@@ -1,4 +1,4 @@
-//! The heaters: their control, and what it controls.
+//! The heaters and their control.
 
 use core::sync::atomic::{AtomicI32, Ordering};
 
@@ -14,7 +14,7 @@ use ferrostep_profile_constant::PROFILE;
 use crate::part::PartIf;
 use crate::ports::BoardMachine;
 
-/// The parts of the board that the firmware can use.
+/// Parts of the board that the firmware can use.
 pub const EQUIPMENT: Equipment = Equipment {
     heaters: THERMAL.is_some(),
     end_stops: true,
@@ -24,22 +24,22 @@ pub const EQUIPMENT: Equipment = Equipment {
     },
 };
 
-/// The power supply can be switched.
+/// True if the power supply can be switched.
 const HAS_SUPPLY: bool = PROFILE.power_supply.is_some();
 
-/// True if the chamber has a heater beside its thermometer; `None` without either.
+/// True if the chamber has a heater as well as a thermometer; `None` if it has neither.
 pub const CHAMBER_IS_HEATED: Option<bool> = match PROFILE.chamber {
     Some(chamber) => Some(chamber.heater.is_some()),
     None => None,
 };
 
-/// A further tool has its own nozzle.
+/// True if a further tool has its own nozzle.
 pub const HAS_NOZZLES: bool = PROFILE.tool_heater().is_some();
 
-/// Nozzles of an image's further tools, where the machine has them.
+/// Type of the further tools' nozzles, on machines that have them.
 type NozzlesPart = PartIf<HAS_NOZZLES>;
 
-/// The machine has outputs that are no fans.
+/// True if the machine has outputs that are not fans.
 pub const HAS_OUTPUTS: bool = {
     let (mut at, mut has) = (0, false);
     while at < FanOutput::COUNT {
@@ -51,23 +51,23 @@ pub const HAS_OUTPUTS: bool = {
     has
 };
 
-/// Switched power supply of an image, where the machine has one.
+/// Type of the switched power supply, on machines that have one.
 pub type SupplyPart = PartIf<HAS_SUPPLY>;
 
-/// Heaters may be controlled by a model.
+/// True if a model may control any heater.
 const HAS_MODELS: bool = MELTS_BY_MODEL || PROFILE.control_model(Heater::Bed).is_some();
 
-/// A nozzle is: its model wants to know how fast filament is melted.
+/// True if a model may control a nozzle: the model needs to know how fast filament is melted.
 const MELTS_BY_MODEL: bool =
     PROFILE.control_model(Heater::Nozzle).is_some() || PROFILE.control_model(Heater::Nozzle1).is_some();
 
-/// Heater models of an image, where its profile uses them.
+/// Type of the heater models, on machines whose profile uses them.
 pub type ModelsPart = PartIf<HAS_MODELS>;
 
 /// Position of the extruder at the end of the queue, thousandths of a millimetre; the number wraps.
 static PUSHED_UM: AtomicI32 = AtomicI32::new(0);
 
-/// Notes where the extruder is.
+/// Notes the extruder's position.
 pub fn note_filament(machine: &BoardMachine) {
     if MELTS_BY_MODEL {
         let [.., steps] = machine.motor_steps();
@@ -79,14 +79,15 @@ pub fn note_filament(machine: &BoardMachine) {
 /// The heaters that the firmware can use.
 pub struct Heat(Option<Controlled>);
 
-/// Control and what it controls.
+/// The control, and the heaters that it controls.
 struct Controlled {
     control: HeatControl<ModelsPart, NozzlesPart>,
     parts: Heaters,
 }
 
 impl Heat {
-    /// Cold heaters with their first readings, so that the first command finds temperatures.
+    /// Creates cold heaters with their first readings, so that the first command finds
+    /// temperatures.
     pub fn new(profile: &Profile, converters: Converters, clock: &Clock) -> Self {
         let has_fans = profile.fans.map(|fan| fan.is_some());
         Self(thermal::start(has_fans, converters, clock).map(|mut parts| {
@@ -104,7 +105,7 @@ impl Heat {
         }))
     }
 
-    /// One sample of control, every [`SAMPLE_MS`].
+    /// Runs one sample of control, every [`SAMPLE_MS`].
     ///
     /// # Errors
     /// A heater or thermometer has failed: all heaters are off and all fans on. Reported once.
@@ -118,13 +119,13 @@ impl Heat {
         control.update(parts)
     }
 
-    /// The fault that keeps the heaters off until M999 or a reset, if any.
+    /// Returns the fault that keeps the heaters off until M999 or a reset, if any.
     pub fn fault(&self) -> Option<HeatFault> {
         self.0.as_ref().and_then(|heat| heat.control.fault())
     }
 
-    /// Sets a target, degrees Celsius; 0 is off. Without heaters it has no effect: [`EQUIPMENT`]
-    /// lets the printer refuse any other.
+    /// Sets a target, degrees Celsius; 0 is off. No effect without heaters: [`EQUIPMENT`] makes the
+    /// printer refuse any other target.
     pub fn set_target(&mut self, heater: Heater, celsius: f32) {
         if let Some(heat) = &mut self.0 {
             heat.control.set_target(heater, celsius);
@@ -136,12 +137,12 @@ impl Heat {
         self.0.as_ref().map_or_else(HeaterStatus::default, |heat| heat.control.status(heater))
     }
 
-    /// The heater of the selected tool's nozzle.
+    /// Heater of the selected tool's nozzle.
     pub fn nozzle(&self) -> Heater {
         self.0.as_ref().map_or(Heater::Nozzle, |heat| heat.control.nozzle())
     }
 
-    /// The selected tool's nozzle has this heater from now on.
+    /// Selects the heater of the selected tool's nozzle.
     pub fn select_nozzle(&mut self, heater: Heater) {
         if let Some(heat) = &mut self.0 {
             heat.control.select_nozzle(heater);
@@ -160,7 +161,7 @@ impl Heat {
         }
     }
 
-    /// Tunes a heater, see [`HeatControl::begin_relay`].
+    /// Starts a heater's autotune, see [`HeatControl::begin_relay`].
     pub fn begin_relay(&mut self, heater: Heater, celsius: f32, cycles: u8, has_fan: bool) {
         if let Some(heat) = &mut self.0 {
             heat.control.begin_relay(heater, celsius, cycles, has_fan);
@@ -184,7 +185,7 @@ impl Heat {
         }
     }
 
-    /// Finds the model of a heater, see [`HeatControl::begin_step`].
+    /// Starts to determine the model of a heater, see [`HeatControl::begin_step`].
     pub fn begin_step(&mut self, heater: Heater, celsius: f32, has_fan: bool) {
         if let Some(heat) = &mut self.0 {
             heat.control.begin_step(heater, celsius, has_fan);
@@ -201,12 +202,12 @@ impl Heat {
         self.0.as_ref().map_or_else(FanStatus::default, |heat| heat.control.fan(output))
     }
 
-    /// The first fan that has full power and turns too slowly.
+    /// The first fan at full power that turns too slowly.
     pub fn stalled_fan(&self) -> Option<FanOutput> {
         self.0.as_ref().and_then(|heat| heat.control.stalled_fan())
     }
 
-    /// Switches all heaters off, now.
+    /// Switches all heaters off immediately.
     pub fn all_off(&mut self) {
         if let Some(Controlled { control, parts }) = &mut self.0 {
             control.all_off();
@@ -216,7 +217,7 @@ impl Heat {
         }
     }
 
-    /// Switches all heaters off, now, and the power supply if that can be switched.
+    /// Switches all heaters off immediately, and the power supply if it can be switched.
     pub fn halt(&mut self) {
         self.all_off();
         if let Some(Controlled { control, parts }) = &mut self.0 {
@@ -241,10 +242,10 @@ impl Heat {
         !HAS_SUPPLY || self.0.as_ref().and_then(|heat| heat.control.supply()).unwrap_or(true)
     }
 
-    /// M999.
+    /// Restarts after a fault (M999).
     ///
     /// # Errors
-    /// A fault is still there, and all heaters stay off.
+    /// A fault persists, and all heaters stay off.
     pub fn restart(&mut self) -> Result<(), HeatFault> {
         self.0.as_mut().map_or(Ok(()), |heat| heat.control.restart())
     }

@@ -18,41 +18,41 @@ use rtic_sync::signal::{Signal, SignalReader};
 
 use crate::clock::Mono;
 
-/// Bytes that wait to be read. A host that does not wait for each `ok` may keep
-/// this much in flight.
+/// Size of the receive buffer, bytes. A host that does not wait for each `ok` may keep this much in
+/// flight.
 pub const RECEIVE_BYTES: usize = 2048;
 
-/// Bytes that wait to be sent by USB: the longest reply (M115) and some, because what does
-/// not fit is dropped.
+/// Size of the USB send buffer, bytes: the longest reply (M115) and a margin, because text that
+/// does not fit is dropped.
 pub const USB_SEND_BYTES: usize = 1536;
 
-/// Bytes that wait to be sent over the serial line: two lines of an `ok` with temperatures.
-/// [`Writer`] waits for room.
+/// Size of the serial send buffer, bytes: two lines of an `ok` with temperatures. [`Writer`] waits
+/// for room.
 pub const SERIAL_SEND_BYTES: usize = 256;
 
-/// Longest wait of [`Reader::read_in_time`], ms. It must be longer than the silence after which
-/// [`Patience`] lets the moves in the ring be executed; otherwise the planner task would have to
-/// look at just the right moment.
+/// Longest wait of [`Reader::read_in_time`], ms. It must exceed the silence after which
+/// [`Patience`] releases the moves in the ring; otherwise the planner task would have to look at
+/// just the right moment.
 const WAIT_MS: u32 = 150;
 
 /// Longest wait of [`Reader::wait`], ms.
 const CARD_WAIT_MS: u32 = 20;
 
-/// The USB port has left the bus for good.
+/// True if the USB port has left the bus for good.
 static USB_HAS_FAILED: AtomicBool = AtomicBool::new(false);
-/// Bytes that were lost because they were not read in time.
+/// Number of bytes lost because they were not read in time.
 static LOST_BYTES: AtomicU32 = AtomicU32::new(0);
-/// Reports on packing that the hosts at the serial line and at USB wait for: 0 for none, or the
-/// number of one of [`PACKING_REPORTS`], from 1.
+/// Packing reports that the serial and USB hosts are waiting for: 0 for none, or the number of one
+/// of [`PACKING_REPORTS`], from 1.
 static PACKING: [AtomicU8; 2] = [AtomicU8::new(0), AtomicU8::new(0)];
 /// True while the printer task waits for bytes.
 static IS_AWAITED: AtomicBool = AtomicBool::new(false);
-/// Start of that wait, or arrival of the last byte; ticks of the motion clock.
+/// Start of that wait, or time of the last byte; ticks of the motion clock.
 static QUIET_SINCE: AtomicU32 = AtomicU32::new(0);
-/// Bytes have arrived.
+/// Signal that bytes have arrived.
 static RECEIVED: Signal<()> = Signal::new();
 
-/// All reports on packing.
+/// All packing reports.
 const PACKING_REPORTS: [meatpack::Settings; 4] = [
     meatpack::Settings { packing: false, no_spaces: false },
     meatpack::Settings { packing: false, no_spaces: true },
@@ -60,17 +60,17 @@ const PACKING_REPORTS: [meatpack::Settings; 4] = [
     meatpack::Settings { packing: true, no_spaces: true },
 ];
 
-/// A host's line.
+/// A host's port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Port {
     /// USART1.
     Serial,
-    /// The port over USB.
+    /// The USB port.
     Usb,
 }
 
-/// The serial interrupt's end: whole lines to the ring or none, and the commands that do not
-/// wait their turn.
+/// The serial interrupt's end: puts complete lines into the ring or drops them, and acts on the
+/// commands that do not wait their turn.
 pub struct SerialInput {
     incoming: Incoming,
     ring: SerialRing,
@@ -106,37 +106,38 @@ impl Buffers for SerialRing {
 }
 
 impl SerialInput {
-    /// Input to this ring; `act` is what to do about M112 and its like, `note_line` what to do when
-    /// a line has arrived.
+    /// Creates the input to this ring; `act` handles M112 and similar commands, `note_line` is
+    /// called when a line has arrived.
     pub const fn new(bytes: Producer<'static, u8>, act: fn(Emergency), note_line: fn()) -> Self {
         Self { incoming: Incoming::new(), ring: SerialRing { bytes, act, note_line } }
     }
 
-    /// Takes a byte. Without room its line is dropped, and the host hears how many bytes were lost.
+    /// Takes a byte. If the ring is full its line is dropped, and the host is told how many bytes
+    /// were lost.
     pub fn receive(&mut self, byte: u8) {
         arrived(self.incoming.take_in(&[byte], &mut self.ring));
     }
 }
 
-/// Bytes wait to be read, and this number of others were lost.
+/// Notes that bytes are waiting to be read, and that `lost` others were dropped.
 pub fn arrived(lost: u32) {
     LOST_BYTES.fetch_add(lost, Ordering::Relaxed);
     RECEIVED.writer().write(());
 }
 
-/// The USB port's interrupt has been served.
+/// Notes the result of a USB interrupt.
 pub fn usb_served(served: Served) {
     USB_HAS_FAILED.fetch_or(served.has_failed, Ordering::Relaxed);
     arrived(served.dropped);
 }
 
-/// Notes a report on packing for a port's host. A newer one replaces it.
+/// Stores a packing report for a port's host, replacing an older one.
 pub fn note_packing(port: Port, settings: meatpack::Settings) {
     let number = (1..).zip(PACKING_REPORTS).find(|(_, report)| *report == settings).map_or(0, |(number, _)| number);
     place_of(port).store(number, Ordering::Relaxed);
 }
 
-/// Takes the report that a port's host waits for.
+/// Takes the packing report that a port's host is waiting for.
 pub fn take_packing(port: Port) -> Option<meatpack::Settings> {
     let number = place_of(port).swap(0, Ordering::Relaxed);
     PACKING_REPORTS.get(usize::from(number).checked_sub(1)?).copied()
@@ -150,16 +151,16 @@ fn place_of(port: Port) -> &'static AtomicU8 {
     }
 }
 
-/// Troubles of the hosts' lines, for a report.
+/// Problems on the hosts' lines, for a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineTroubles {
-    /// Bytes that came too fast.
+    /// Number of bytes that came too fast.
     pub lost_bytes: u32,
-    /// The USB port has left the bus.
+    /// True if the USB port has left the bus.
     pub usb_has_failed: bool,
 }
 
-/// Takes the troubles since the last call.
+/// Takes the problems since the last call.
 pub fn take_troubles() -> LineTroubles {
     LineTroubles {
         lost_bytes: LOST_BYTES.swap(0, Ordering::Relaxed),
@@ -167,20 +168,20 @@ pub fn take_troubles() -> LineTroubles {
     }
 }
 
-/// Time that the host may take for its next line, ticks of the motion clock.
+/// Time allowed for the host's next line, ticks of the motion clock.
 #[derive(Clone, Copy, Debug)]
 pub struct Patience {
     /// Time before blocks leave the look-ahead ring early because the step queue runs low.
     release_ticks: u32,
-    /// Time before what waits in the ring is executed at standstill.
+    /// Time before the moves in the ring are executed to standstill.
     flush_ticks: u32,
 }
 
 impl Patience {
-    /// Times by the clock: 100 ms before moves in the ring are executed, and none before blocks
-    /// leave it early. On the bare internal oscillator both are 10 s: an emulator starts so, and
-    /// its time may run many times faster than its host's. There a gap between steps is better
-    /// than another plan.
+    /// Chooses the times for a clock source: 100 ms before moves in the ring are executed, and no
+    /// delay before blocks leave it early. On the bare internal oscillator both are 10 s: an
+    /// emulator starts that way, and its time may run many times faster than its host's. There a
+    /// gap between steps is better than a different plan.
     pub const fn new(source: ClockSource) -> Self {
         match source {
             ClockSource::Crystal | ClockSource::InternalWithPll => {
@@ -190,37 +191,37 @@ impl Patience {
         }
     }
 
-    /// Work that the planner task may do at tick `now_ticks`.
+    /// Returns the work that the planner task may do at tick `now_ticks`.
     pub fn silence(&self, now_ticks: u32) -> Silence {
         let is_awaited = IS_AWAITED.load(Ordering::Acquire);
         let quiet_ticks = now_ticks.wrapping_sub(QUIET_SINCE.load(Ordering::Acquire));
         Silence {
-            // At its proper clock a board releases blocks when steps run out, even if the host
-            // is not the cause.
+            // On its regular clock a board releases blocks when steps run out, even if the host is
+            // not the cause.
             may_release: self.release_ticks == 0 || is_awaited && quiet_ticks >= self.release_ticks,
             may_flush: is_awaited && quiet_ticks >= self.flush_ticks,
         }
     }
 }
 
-/// The printer task's end: bytes as they come.
+/// The printer task's end: supplies bytes as they arrive.
 pub struct Reader {
     serial: Consumer<'static, u8>,
     usb: Consumer<'static, u8>,
-    /// The port that was read last. The other comes first, so that a host that never stops sending
-    /// does not keep it out.
+    /// Port that was read last. The other one has precedence, so that a host that never stops
+    /// sending does not block it.
     last: Port,
     signal: SignalReader<'static, ()>,
     clock: MotionClock,
 }
 
 impl Reader {
-    /// The reader; there can be one.
+    /// Creates the reader; there can be only one.
     pub fn new([serial, usb]: [Consumer<'static, u8>; 2], clock: MotionClock) -> Option<Self> {
         Some(Self { serial, usb, last: Port::Usb, signal: RECEIVED.try_take_reader()?, clock })
     }
 
-    /// The clock by which it waits.
+    /// Clock that times the waits.
     #[cfg(accelerometer)]
     pub const fn clock(&self) -> MotionClock {
         self.clock
@@ -230,12 +231,12 @@ impl Reader {
         self.serial.ready() || self.usb.ready()
     }
 
-    /// Waits for bytes, takes as many of one port as are there and fit, and returns them.
+    /// Waits for bytes, takes as many from one port as have arrived and fit, and returns them.
     pub async fn read<'a>(&mut self, buffer: &'a mut [u8]) -> (Port, &'a [u8]) {
         if !self.is_ready() {
             QUIET_SINCE.store(self.clock.now_ticks(), Ordering::Release);
             IS_AWAITED.store(true, Ordering::Release);
-            // USB's interrupt signals its other work as well: a signal may come without bytes.
+            // The USB interrupt also signals its other work, so a signal may come without bytes.
             while !self.is_ready() {
                 self.signal.wait().await;
             }
@@ -244,7 +245,7 @@ impl Reader {
         self.take(buffer)
     }
 
-    /// Version of [`Self::read`] that waits 150 ms at most and then returns no bytes. `idle`: the
+    /// Variant of [`Self::read`] that waits 150 ms at most and then returns no bytes. `idle`: the
     /// reader has nothing else to do.
     pub async fn read_in_time<'a>(&mut self, buffer: &'a mut [u8], idle: bool) -> (Port, &'a [u8]) {
         if !self.is_ready() {
@@ -260,7 +261,7 @@ impl Reader {
         self.take(buffer)
     }
 
-    /// Waits for bytes of a host, or for the card's task, 20 ms at most.
+    /// Waits for a host's bytes or the card's task, 20 ms at most.
     pub async fn wait(&mut self, idle: bool) {
         if self.is_ready() {
             return;
@@ -272,7 +273,7 @@ impl Reader {
         let _ = Mono::timeout_after(CARD_WAIT_MS.millis(), self.signal.wait()).await;
     }
 
-    /// Takes as many bytes of one port as are there and fit.
+    /// Takes as many bytes from one port as have arrived and fit.
     pub fn take<'a>(&mut self, buffer: &'a mut [u8]) -> (Port, &'a [u8]) {
         self.last = match self.last {
             Port::Usb if self.serial.ready() => Port::Serial,
@@ -296,7 +297,7 @@ impl Reader {
 /// Receiver of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum To {
-    /// The host whose command it answers.
+    /// The host whose command is answered.
     Host(Port),
     /// Every host, unasked.
     All,
@@ -304,9 +305,9 @@ pub enum To {
 
 /// The sending ends, shared by the tasks that reply.
 pub struct Writers {
-    /// The serial line's.
+    /// Writer of the serial line.
     pub serial: Writer,
-    /// The USB port's; `None` where there is no USB.
+    /// Writer of the USB port; `None` if USB does not work.
     pub usb: Option<LineWriter<'static>>,
 }
 
@@ -329,8 +330,8 @@ impl Writers {
 }
 
 impl Writers {
-    /// True if a record's line finds room without a wait and half of each ring stays
-    /// free for replies.
+    /// Returns true if a record's line fits without a wait and half of each ring stays free for
+    /// replies.
     pub fn have_room(&self, to: To) -> bool {
         let serial = || self.serial.0.len() <= SERIAL_SEND_BYTES / 2;
         let usb = || self.usb.as_ref().is_none_or(LineWriter::is_half_free);
@@ -342,12 +343,12 @@ impl Writers {
     }
 }
 
-/// The serial line's sending end.
+/// Sending end of the serial line.
 pub struct Writer(pub Producer<'static, u8>);
 
 impl Writer {
     /// Sends a text and a line end. Waits while the buffer is full; the interrupt, whose priority
-    /// is above all callers', empties it.
+    /// is above that of all callers, empties it.
     pub fn line(&mut self, text: impl fmt::Display) {
         // Writing to the buffer cannot fail.
         let _ = writeln!(self, "{text}");

@@ -1,4 +1,4 @@
-//! The start of both hosts' lines: their ports, and the rings between interrupts and tasks.
+//! Start of both host lines: their ports, and the rings between interrupts and tasks.
 
 use ferrostep_gcode::Emergency;
 use ferrostep_stm32f4::clock_tree::Clock;
@@ -10,7 +10,7 @@ use heapless::spsc::{Consumer, Queue};
 
 use crate::host_line::{self, Port, RECEIVE_BYTES, SERIAL_SEND_BYTES, SerialInput, USB_SEND_BYTES, Writer, Writers};
 
-/// Speed of the serial line.
+/// Baud rate of the serial line.
 const BAUD: u32 = 115_200;
 
 /// The rings of both lines.
@@ -22,7 +22,7 @@ pub struct LineRings {
 }
 
 impl LineRings {
-    /// Empty.
+    /// Creates empty rings.
     pub const fn new() -> Self {
         Self { receive: Queue::new(), send: Queue::new(), usb_receive: Queue::new(), usb_send: Queue::new() }
     }
@@ -31,13 +31,13 @@ impl LineRings {
 /// Actions that the interrupts take on a line before it is read.
 #[derive(Clone, Copy)]
 pub struct Actions {
-    /// About M112 and its like, which do not wait their turn.
+    /// Action for M112 and similar commands, which do not wait their turn.
     pub act: fn(Emergency),
-    /// About any line.
+    /// Action for any line.
     pub note_line: fn(),
 }
 
-/// Both lines, in the parts that interrupts and tasks use.
+/// Both host lines, split into the parts used by interrupts and tasks.
 pub struct HostLines {
     /// The serial port, and its interrupt's ends of the rings.
     pub port: Serial,
@@ -45,16 +45,16 @@ pub struct HostLines {
     pub input: SerialInput,
     /// See [`Self::port`].
     pub to_send: Consumer<'static, u8>,
-    /// The USB port, or the reason why it does not work.
+    /// The USB port, or the reason for which it does not work.
     pub usb: Result<&'static mut Usb, NoUsb>,
-    /// The ends of the tasks that reply.
+    /// Sending ends for the tasks that reply.
     pub writers: Writers,
-    /// The reader's ends: serial and USB.
+    /// Receiving ends for the reader: serial and USB.
     pub to_read: [Consumer<'static, u8>; 2],
 }
 
 impl HostLines {
-    /// Starts both ports. To be called in `init`.
+    /// Starts both ports. Call in `init`.
     pub fn start(
         rings: &'static mut LineRings,
         usb_memory: &'static mut usb::Memory,

@@ -1,4 +1,4 @@
-//! The hosts, each at its port, and the port at which a prepared job comes.
+//! The hosts, each at its port, and the port that receives a prepared job.
 
 use ferrostep_gcode::{Line, LineError, Reply};
 use ferrostep_gpre::transfer::{Report, StrayFrames, Stretch};
@@ -9,24 +9,25 @@ use rtic::Mutex;
 use crate::host_line::{Port, Reader, Writers};
 use crate::ports::BoardReplies;
 
-/// Room for a job's bytes: the longest frame, and as much as a host may send meanwhile.
+/// Size of the buffer for a job's bytes: the longest frame, and as much as a host may send
+/// meanwhile.
 pub const JOB_BYTES: usize = ferrostep_gpre::compact::MAX_FRAME_BYTES + 1024;
 
-/// A line or why it cannot be read, and its host.
+/// A line, or the reason for which it cannot be read, with its host.
 type Said<'a> = Option<(&'a mut Host, Result<Line<'a>, LineError>)>;
 
-/// The hosts that talk to the board.
+/// Hosts connected to the board.
 pub struct Hosts {
     serial: (Host, Lines),
     usb: (Host, Lines),
     serial_frames: StrayFrames,
     usb_frames: StrayFrames,
-    /// Report of the last job.
+    /// Report on the last job.
     last_job: Report,
 }
 
 impl Hosts {
-    /// Hosts that are still silent.
+    /// Creates hosts that have not sent anything yet.
     pub const fn new() -> Self {
         Self {
             serial: (Host::new(), Lines::new()),
@@ -37,7 +38,7 @@ impl Hosts {
         }
     }
 
-    /// Reads up to the end of a port's line. Returns how many bytes that took, and the line.
+    /// Reads up to the end of a port's line. Returns the number of bytes consumed, and the line.
     pub fn feed<'a, W: Mutex<T = Writers>>(
         &'a mut self,
         port: Port,
@@ -46,7 +47,7 @@ impl Hosts {
     ) -> (usize, Said<'a>) {
         let (length, stretch) = self.frames(port).next(bytes);
         if let Stretch::Frame { ends } = stretch {
-            // This host has not heard how its job ended.
+            // This host has not been told yet how its job ended.
             if ends {
                 replies.report(&self.last_job);
             }
@@ -69,9 +70,9 @@ impl Hosts {
         let (used, heard) = lines.feed(bytes);
         let said = match (heard, port) {
             (Some(Heard::Line(line)), _) => Some((host, line)),
-            // It came too fast; its host waits for an answer.
+            // The bytes came too fast; their host is waiting for an answer.
             (Some(Heard::HalfALine(incomplete)), Port::Serial) => Some((host, Err(incomplete))),
-            // As a rule its host is gone.
+            // Usually the host has disconnected.
             (Some(Heard::HalfALine(_)), Port::Usb) => {
                 replies.half_a_line();
                 None
@@ -81,7 +82,7 @@ impl Hosts {
         (used, said)
     }
 
-    /// A port's job has ended, perhaps in the middle of a frame.
+    /// Notes that a port's job has ended, perhaps in the middle of a frame.
     pub fn job_ended(&mut self, port: Port, (report, in_frame): (Report, bool)) {
         self.last_job = report;
         self.frames(port).job_ended(in_frame);
@@ -95,7 +96,7 @@ impl Hosts {
     }
 }
 
-/// The port at which a job comes.
+/// The port that receives a job.
 pub struct JobPort<'a, W> {
     reader: &'a mut Reader,
     port: Port,
@@ -105,7 +106,7 @@ pub struct JobPort<'a, W> {
 }
 
 impl<'a, W> JobPort<'a, W> {
-    /// The port.
+    /// Creates the view of the port.
     pub fn new(reader: &'a mut Reader, port: Port, hosts: &'a mut Hosts, replies: &'a BoardReplies<W>) -> Self {
         Self { reader, port, last: port, hosts, replies }
     }

@@ -114,46 +114,47 @@ mod app {
     use crate::supply::Supply;
     use crate::wiring::{BoardDriverLine, DRIVER_PINS, SENSOR_STORES, SENSORS};
 
-    /// SysTick, which ends the waits of the tasks: above all that wait, below the host's line.
+    /// Priority of SysTick, which ends the waits of the tasks: above all tasks that wait, below the
+    /// host's line.
     const WAITS_PRIORITY: u8 = 9;
 
-    /// The planner looks at the step queue this often, ms: at 100,000 events a second an
+    /// Interval at which the planner checks the step queue, ms: at 100,000 events per second an
     /// eighth of the queue.
     const PLANNER_INTERVAL_MS: u32 = 2;
 
     #[cfg(drivers)]
-    /// The drivers' task looks at its line this often, ms: a datagram takes one to ten.
+    /// Interval at which the drivers' task checks its line, ms: a datagram takes one to ten.
     const DRIVERS_INTERVAL_MS: u32 = 1;
 
     #[cfg(tachometers)]
-    /// The tachometers' task looks at their lines this often, ms.
+    /// Interval at which the tachometers' task polls their lines, ms.
     const TACHOMETERS_INTERVAL_MS: u32 = 1;
 
     #[cfg(accelerometer)]
-    /// The accelerometer's task looks at its samples this often, ms: at the fastest rate its memory
-    /// holds 10 ms of them.
+    /// Interval at which the accelerometer's task checks its samples, ms: at the fastest rate the
+    /// chip's memory holds 10 ms of them.
     const ACCELEROMETER_INTERVAL_MS: u32 = 2;
 
-    /// The reports task looks around this often, ms.
+    /// Interval of the reports task, ms.
     const REPORTS_INTERVAL_MS: u32 = 100;
 
     static SIGNALS: Signals = Signals::new();
-    /// The planner task's last demand for the fans.
+    /// The planner task's latest fan demand.
     static FANS: SharedDemand = SharedDemand::new();
     /// Signs of life of the tasks.
     static LIFE: LifeSigns = LifeSigns::new();
     /// True if the board has a slot for a memory card, and a clock for it.
     static HAS_CARD: AtomicBool = AtomicBool::new(false);
-    /// The machine has been halted; the reports task informs the hosts.
+    /// Signal that the machine has been halted; the reports task informs the hosts.
     static HALTED: Signal<()> = Signal::new();
 
     #[shared]
     struct Shared {
-        /// Pins for the tasks of the sensors' lines only.
+        /// Pins for the sensor tasks only.
         #[lock_free]
         sensors: BoardPins,
-        /// Line for one of its two interrupts, the one that the board has, and for
-        /// the drivers' task.
+        /// Line for the drivers' task, and for the one of the two line interrupts that the board
+        /// has.
         driver_line: BoardDriverLine,
         drivers: board_drivers::BoardDriverBank,
         recorder: BoardRecorder,
@@ -185,7 +186,7 @@ mod app {
     }
 
     #[init(local = [
-        // Filled here and not by the compiler, which would keep a copy of it in flash.
+        // Filled here and not by the compiler, which would keep a copy in flash.
         slots: heapless::Vec<Slot, LOOK_AHEAD_BLOCKS> = heapless::Vec::new(),
         machine: MaybeUninit<BoardMachine> = MaybeUninit::uninit(),
         rings: LineRings = LineRings::new(),
@@ -233,7 +234,7 @@ mod app {
         settings_memory::start(device.FLASH);
         HAS_CARD.store(card.is_some(), Ordering::Relaxed);
 
-        // Each is taken here only.
+        // Each of these is taken only here.
         let (Some(reader), Some(planner_work), Some(halted)) =
             (Reader::new(to_read, motion_clock), PLANNER_WORK.try_take_reader(), HALTED.try_take_reader())
         else {
@@ -287,8 +288,8 @@ mod app {
         )
     }
 
-    /// The sensor that an axis seeks has triggered: the motors stop with the next instruction. One
-    /// task for each interrupt that a sensor's pin may have.
+    /// Handles the trigger of a homing axis's sensor: the motors stop with the next instruction.
+    /// There is one task for each interrupt that a sensor's pin may have.
     #[task(binds = EXTI0, priority = 15, shared = [sensors])]
     fn sensor_0(cx: sensor_0::Context) {
         cx.shared.sensors.sensed(STEPS.link());
@@ -325,27 +326,28 @@ mod app {
     }
 
     #[cfg(servo)]
-    /// An edge of a pulse for the probe's servo, which is as much too long or too short as
-    /// this comes late.
+    /// Makes an edge of a pulse for the probe's servo; if this runs late, the pulse is too long or
+    /// too short by as much.
     #[task(binds = TIM6_DAC, priority = 15, local = [servo: Servo = Servo::REST])]
     fn servo(cx: servo::Context) {
         cx.local.servo.interrupt();
     }
 
-    /// The drivers' shared line. Must take a byte before the second one after it: 174 us.
+    /// Serves the drivers' shared line. Must take a byte before the second one after it: 174 us.
     #[task(binds = USART2, priority = 14, shared = [driver_line])]
     fn driver_line(mut cx: driver_line::Context) {
         cx.shared.driver_line.lock(DriverLine::interrupt);
     }
 
-    /// The drivers' own lines. Must come within a tenth of a quarter bit, 1.3 us; so its priority
-    /// is above all that receive.
+    /// Serves the drivers' separate lines. Must run within a tenth of a quarter bit, 1.3 us; so its
+    /// priority is above all tasks that receive.
     #[task(binds = TIM7, priority = 14, shared = [driver_line])]
     fn driver_pins(mut cx: driver_pins::Context) {
         cx.shared.driver_line.lock(DriverLine::interrupt);
     }
 
-    /// Bytes in and out. Must take a byte before the second one after it: 87 us at 115,200 baud.
+    /// Moves serial bytes in and out. Must take a byte before the second one after it: 87 us at
+    /// 115,200 baud.
     #[task(binds = USART1, priority = 13, local = [port, input, to_send])]
     fn serial(cx: serial::Context) {
         while let Some(byte) = cx.local.port.receive() {
@@ -356,8 +358,8 @@ mod app {
         }
     }
 
-    /// Packets in and out, of the USB port. Must come within the 10 ms that a host
-    /// grants a request.
+    /// Moves packets of the USB port in and out. Must run within the 10 ms that a host allows a
+    /// request.
     #[task(binds = OTG_FS, priority = 10, local = [usb])]
     fn usb(cx: usb::Context) {
         if let Some(usb) = cx.local.usb {
@@ -371,10 +373,10 @@ mod app {
             Emergency::Stop => {
                 SIGNALS.halt();
                 step_timer::stop(STEPS.link());
-                // If it is spawned already, that is enough.
+                // If the task is spawned already, that is enough.
                 let _ = emergency::spawn();
             }
-            // The line goes into a file.
+            // The line belongs to a file being written.
             Emergency::QuickStop | Emergency::EndWait if SIGNALS.is_writing() => {}
             Emergency::QuickStop => step_timer::stop(STEPS.link()),
             Emergency::EndWait => SIGNALS.end_wait(),
@@ -382,8 +384,8 @@ mod app {
         }
     }
 
-    /// Heater control; a fault halts the machine. Must run every 10 ms, whatever the tasks below
-    /// do; it catches up on late samples. Feeds the watchdog while the tasks below are alive.
+    /// Controls the heaters; a fault halts the machine. Must run every 10 ms, whatever the tasks
+    /// below do; it catches up on late samples. Feeds the watchdog while the tasks below are alive.
     #[task(priority = 8, shared = [heat], local = [watchdog, vigil])]
     async fn temperature(mut cx: temperature::Context) {
         let mut next = Mono::now();
@@ -415,15 +417,15 @@ mod app {
         }
     }
 
-    /// M112, after the motors have been stopped: heaters off as soon as the line's interrupt
-    /// returns, and the power supply.
+    /// Handles M112, after the motors have been stopped: switches off the heaters as soon as the
+    /// line's interrupt returns, and the power supply.
     #[task(priority = 8, shared = [heat])]
     async fn emergency(mut cx: emergency::Context) {
         cx.shared.heat.lock(|heat| heat.halt());
         HALTED.writer().write(());
     }
 
-    /// Keeps the step queue full. Must run often enough that the queue's entries last.
+    /// Keeps the step queue full. Must run before the queue's entries run out.
     #[task(priority = 4, shared = [machine, heat], local = [planner_work, motion_clock, patience])]
     async fn planner(mut cx: planner::Context) {
         let mut encoder = Encoder::new();
@@ -443,19 +445,19 @@ mod app {
             button.look(Mono::now().ticks(), &SIGNALS);
             if supply.has_failed(Mono::now().ticks(), &SIGNALS) {
                 if SIGNALS.card_progress().is_some() {
-                    // The printer's task keeps the print, and halts then.
+                    // The printer's task saves the state of the print, and then halts.
                     step_timer::stop(STEPS.link());
                     cx.shared.heat.lock(|heat| heat.all_off());
                 } else {
                     act(Emergency::Stop);
                 }
             }
-            // It looks in either case, woken or after the interval.
+            // The planner looks in either case, woken or after the interval.
             let _ = Mono::timeout_at(Mono::now() + PLANNER_INTERVAL_MS.millis(), cx.local.planner_work.wait()).await;
         }
     }
 
-    /// Lines to commands, commands to moves and replies.
+    /// Turns lines into commands, and commands into moves and replies.
     #[task(priority = 2, shared = [machine, heat, writers, drivers, recorder, records, mailbox], local = [
         reader, measured, job: [u8; JOB_BYTES] = [0; JOB_BYTES],
     ])]
@@ -469,8 +471,8 @@ mod app {
     }
 
     #[cfg(drivers)]
-    /// Sets the motors' drivers up and looks after them; a motor that is no longer where its steps
-    /// say halts the machine.
+    /// Sets up the motor drivers and supervises them; a motor that has lost its position halts the
+    /// machine.
     #[task(priority = 1, shared = [machine, writers, drivers, driver_line, records], local = [drivers_clock])]
     async fn drivers(cx: drivers::Context) {
         let drivers::SharedResources { mut machine, writers, mut drivers, mut driver_line, mut records, .. } =
@@ -493,8 +495,8 @@ mod app {
     }
 
     #[cfg(accelerometer)]
-    /// Takes an accelerometer's samples and sends them as lines, as far as the
-    /// host's line has room.
+    /// Takes an accelerometer's samples and sends them as lines, as far as the host's line has
+    /// room.
     #[task(priority = 1, shared = [machine, writers, recorder], local = [accelerometer_clock])]
     async fn accelerometer(cx: accelerometer::Context) {
         let accelerometer::SharedResources { mut machine, mut writers, mut recorder, .. } = cx.shared;
@@ -512,8 +514,8 @@ mod app {
         }
     }
 
-    /// Reports that no host has asked for: temperatures (M155), a halt, lost bytes, overload, rest,
-    /// how hosts pack their bytes (MeatPack); and times (M798), to the log.
+    /// Sends unsolicited reports: temperatures (M155), a halt, lost bytes, overload, rest, how
+    /// hosts pack their bytes (MeatPack); and times (M798), to the log.
     #[task(priority = 1, shared = [machine, heat, writers, records], local = [halted])]
     async fn reports(cx: reports::Context) {
         let reports::SharedResources { machine, heat, writers, records, .. } = cx.shared;
@@ -528,8 +530,8 @@ mod app {
         }
     }
 
-    /// The card's task, below all others because it waits for the card. Otherwise sleeps until an
-    /// interrupt; SysTick comes every millisecond.
+    /// Runs the card's task, below all others because it waits for the card. Otherwise sleeps until
+    /// an interrupt; SysTick comes every millisecond.
     #[idle(shared = [mailbox], local = [card])]
     fn idle(mut cx: idle::Context) -> ! {
         loop {

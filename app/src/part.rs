@@ -1,22 +1,22 @@
-//! Parts of the machine that the profile has, as types.
+//! Types for the parts of the machine that the profile has.
 
 use ferrostep_planner::backlash::{BacklashCorrection, BacklashStage, NoBacklash};
 use ferrostep_printer::{Absent, Part, Present};
 
-/// The part if the machine has it, in an image.
+/// Type of a part: the part itself if the machine has it, otherwise an empty stand-in.
 pub type PartIf<const YES: bool> = <Has<YES> as Kind>::Part;
 
-/// Stage that takes up the play of the drives, on a machine that has play.
+/// Type of the stage that takes up the play of the drives, on machines that have play.
 pub type BacklashIf<const YES: bool> = <Has<YES> as Kind>::Backlash;
 
-/// Selects a part by a constant: `Has<true>` is a machine that has it.
+/// Type-level choice by a constant: `Has<true>` is a machine with the part.
 pub struct Has<const YES: bool>;
 
-/// See [`Has`].
+/// Types chosen by [`Has`].
 pub trait Kind {
-    /// The part itself.
+    /// Type of the part.
     type Part: Part;
-    /// The part that takes up play.
+    /// Type of the stage that takes up play.
     type Backlash: BacklashCorrection;
 }
 

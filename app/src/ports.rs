@@ -1,6 +1,6 @@
-//! The printer's ports, as views of the resources it shares with other tasks.
+//! The printer's ports, as views of the resources shared with other tasks.
 //!
-//! A lock lasts for one call into a library. The views are used by one task only and no borrow
+//! A lock lasts for one call into a library. Each view is used by one task only and no borrow
 //! outlives a call, so the cells are never found borrowed.
 
 use core::cell::{Cell, RefCell};
@@ -29,42 +29,43 @@ use crate::host_line::{LineTroubles, Port, To, Writers, take_packing};
 use crate::part::{BacklashIf, PartIf};
 use crate::profile::{PROFILE, StepSignals};
 
-/// Blocks in the look-ahead ring, as on the desk.
+/// Number of blocks in the look-ahead ring, the same as in the desktop tool.
 pub const LOOK_AHEAD_BLOCKS: usize = 128;
 
-/// The step queue to this board's motors, with the sensors that stop it.
+/// Step queue for this board's motors, with the sensors that stop it.
 pub type BoardStepQueue = MotorQueue<BoardPins, StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>;
 
-/// Stage that lets Z follow the bed, on a machine with a probe.
+/// Stage that makes Z follow the bed, on machines with a probe.
 #[cfg(probe)]
 type BoardBed = ferrostep_planner::surface::BedStage;
-/// Stage of a machine without a probe, which does nothing.
+/// No-op stage of machines without a probe.
 #[cfg(not(probe))]
 type BoardBed = ferrostep_planner::surface::NoBed;
 
-/// True if the profile gives the play of the drives.
+/// True if the profile gives the drives' play.
 const HAS_BACKLASH: bool = ferrostep_profile_constant::PROFILE.backlash.is_some();
 
-/// The methods of motion that this image contains.
+/// Motion methods that this image contains.
 #[cfg(not(feature = "papers"))]
 pub type Methods = ferrostep_planner::Standard<BoardBed, BacklashIf<HAS_BACKLASH>>;
-/// The methods of motion that this image contains.
+/// Motion methods that this image contains.
 #[cfg(feature = "papers")]
 pub type Methods = ferrostep_papers::Papers<BoardBed, BacklashIf<HAS_BACKLASH>>;
 
-/// The machine of this board.
+/// The machine that this board drives.
 pub type BoardMachine = Machine<&'static mut [Slot], BoardStepQueue, Methods>;
 
-/// The queue to these motors.
+/// Creates the queue for these motors.
 pub fn motor_queue(pins: BoardPins, clock: &Clock, motion_clock: MotionClock) -> BoardStepQueue {
     let pin_map = const { PIN_MAP.with_inverted(ferrostep_profile_constant::PROFILE.driver.inverted) };
     let feeder = StepFeeder::new(&STEPS, pin_map, PROFILE.driver.signals(clock.slow_timers.raw())).keeping_past();
-    // On the bare internal oscillator the plan must not depend on time, as for the host's line.
+    // On the bare internal oscillator the plan must not depend on time; the host line follows the
+    // same rule.
     let planning_clock = (clock.source != ClockSource::Internal).then_some(motion_clock);
     MotorQueue::new(pins, feeder, planning_clock)
 }
 
-/// Makes the machine where it stays.
+/// Builds the machine in its final place.
 // Not inlined: its stack is free again before a task begins; the stack of `init` is not.
 #[inline(never)]
 pub fn build_machine(
@@ -79,15 +80,15 @@ pub fn build_machine(
 #[cfg(servo)]
 const _: () = assert!(ferrostep_stm32f4_board::servo::PIN_IN_US == ferrostep_gcode::PinCommand::IN_US);
 
-/// Starts the signal of the probe's servo, and calls in what the end of the last program
-/// may have left out.
+/// Starts the signal of the probe's servo, and retracts the pin in case the end of the last program
+/// left it out.
 #[cfg(servo)]
 pub fn start_servo(timer: ferrostep_stm32f4_board::pac::TIM6, clock: &Clock) {
     ferrostep_stm32f4_board::servo::start(timer, clock);
     pin_in();
 }
 
-/// Calls the probe's pin in, from any task; without waiting for it.
+/// Requests that the probe's pin be retracted, from any task and without waiting.
 #[cfg(servo)]
 pub fn pin_in() {
     if let Some(pin) = &PROFILE.bltouch {
@@ -95,20 +96,20 @@ pub fn pin_in() {
     }
 }
 
-/// Wakes the planner task: it has something to do.
+/// Signal that wakes the planner task when it has work.
 pub static PLANNER_WORK: Signal<()> = Signal::new();
 
-/// Interval at which a command that waits for motion looks for its end, ms.
+/// Polling interval of a command that waits for the end of motion, ms.
 const LOOK_MS: u32 = 1;
 
-/// The machine, as the task that executes commands shares it.
+/// The machine, as shared with the task that executes commands.
 pub struct BoardMachineLock<'a, M> {
     machine: RefCell<M>,
     signals: &'a Signals,
 }
 
 impl<'a, M: Mutex<T = &'static mut BoardMachine>> BoardMachineLock<'a, M> {
-    /// The view of a machine. M112 ends every wait.
+    /// Creates the view of a machine. M112 ends every wait.
     pub fn new(machine: M, signals: &'a Signals) -> Self {
         Self { machine: RefCell::new(machine), signals }
     }
@@ -145,13 +146,13 @@ impl<M: Mutex<T = &'static mut BoardMachine>> SharedMachine for BoardMachineLock
 pub struct BoardHeating<H>(pub RefCell<H>);
 
 impl<H: Mutex<T = Heat>> BoardHeating<H> {
-    /// The fault that keeps the heaters off, if any.
+    /// Returns the fault that keeps the heaters off, if any.
     pub fn fault(&self) -> Option<HeatFault> {
         self.0.borrow_mut().lock(|heat| heat.fault())
     }
 
-    /// Switches unused heaters off when their time is up, unless a line has arrived since. Looks
-    /// and switches under one lock, so that no command sets a target in between. Tells the hosts.
+    /// Switches unused heaters off when their time is up, unless a line has arrived since. Both
+    /// happen under one lock, so that no command sets a target in between. Tells the hosts.
     pub fn follow<W: Mutex<T = Writers>>(&self, rest: &HeaterRest, signals: &Signals, replies: &BoardReplies<W>) {
         let goes_on = matches!(rest, HeaterRest::Over { .. })
             && self.0.borrow_mut().lock(|heat| {
@@ -260,31 +261,31 @@ impl<H: Mutex<T = Heat>> Heating for BoardHeating<H> {
     }
 }
 
-/// The hosts' lines, their sending ends. A reply is whole: the lock keeps others out
-/// until its last byte.
+/// Sending ends of the hosts' lines. A reply is never interleaved: the lock keeps others out until
+/// its last byte.
 pub struct BoardReplies<W> {
     writers: RefCell<W>,
     to: Cell<To>,
 }
 
 impl<W: Mutex<T = Writers>> BoardReplies<W> {
-    /// Replies to everyone.
+    /// Creates the view; replies go to all hosts.
     pub const fn new(writers: W) -> Self {
         Self { writers: RefCell::new(writers), to: Cell::new(To::All) }
     }
 
-    /// Replies to this host from now on.
+    /// Directs replies to this host from now on.
     pub fn answer(&self, port: Port) {
         self.to.set(To::Host(port));
     }
 
-    /// Returns the host that receives replies now.
+    /// Returns the current receiver of replies.
     #[cfg(accelerometer)]
     pub fn to(&self) -> To {
         self.to.get()
     }
 
-    /// True if a line of a record finds room without a wait.
+    /// Returns true if a record's line fits without a wait.
     pub fn have_room(&self) -> bool {
         self.writers.borrow_mut().lock(|writers| writers.have_room(self.to.get()))
     }
@@ -294,17 +295,17 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
         self.line(format_args!("{text}"));
     }
 
-    /// Replies to every host from now on.
+    /// Directs replies to all hosts from now on.
     #[cfg(card)]
     pub fn answer_all(&self) {
         self.to.set(To::All);
     }
 
-    /// Says that the machine is halted, and the heater fault that did it: adjacent lines,
+    /// Reports that the machine is halted, and the heater fault that caused it: on adjacent lines,
     /// as hosts expect.
     pub fn halted(&self, fault: Option<HeatFault>) {
         self.writers.borrow_mut().lock(|writers| {
-            // As replies, so that a host that reads late still reads this.
+            // As replies, so that a host that reads late still sees them.
             for to in [To::Host(Port::Serial), To::Host(Port::Usb)] {
                 if let Some(fault) = fault {
                     writers.line(to, fault);
@@ -314,7 +315,7 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
         });
     }
 
-    /// Reports to each host how it packs its bytes, if it waits for that.
+    /// Reports to each host how it packs its bytes, if the host is waiting for that.
     pub fn packing(&self) {
         for port in [Port::Serial, Port::Usb] {
             if let Some(settings) = take_packing(port) {
@@ -337,7 +338,7 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
 /// Counts of losses since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Overload {
-    /// Blocks that left the look-ahead ring early because steps ran out.
+    /// Number of blocks that left the look-ahead ring early because steps ran out.
     starvation_flushes: u64,
     planning_slowdowns: u64,
     underruns: u64,
@@ -347,7 +348,7 @@ pub struct Overload {
 }
 
 impl Overload {
-    /// The part of all figures that tells of it.
+    /// Extracts the loss counts from the motion figures.
     pub fn of(figures: &MotionFigures) -> Self {
         let MotionFigures {
             starvation_flushes,
@@ -373,8 +374,8 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
         ));
     }
 
-    /// Reports that the beginning of a line was dropped, because its connection ended
-    /// or it did not fit.
+    /// Reports that the beginning of a line was dropped, because its connection ended or the line
+    /// did not fit.
     pub fn half_a_line(&self) {
         self.line(format_args!("echo:usb: half a line dropped"));
     }
@@ -389,7 +390,7 @@ impl<W: Mutex<T = Writers>> Replies for BoardReplies<W> {
         self.line(format_args!("{reply}"));
     }
 
-    // Formatted where it is sent: a separate text would take 500 bytes of the stack of two tasks.
+    // Formatted while it is sent: a separate text would take 500 bytes on the stacks of two tasks.
     fn say(&self, line: fmt::Arguments<'_>) {
         self.line(line);
     }

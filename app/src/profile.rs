@@ -1,9 +1,9 @@
-//! The machine this firmware is for.
+//! Profile of the machine that this firmware is built for.
 
 use ferrostep_printer::Profile;
 pub use ferrostep_profile_constant::StepSignals;
 
-/// The profile.
+/// Static profile of the machine.
 pub static PROFILE: Profile = ferrostep_profile_constant::PROFILE;
 
 const _: () = assert!(

@@ -1,4 +1,4 @@
-//! Reports that the firmware sends unasked.
+//! Unsolicited reports of the firmware.
 
 use ferrostep_gcode::Reply;
 use ferrostep_hal_shim::{FanOutput, Heater};
@@ -16,10 +16,10 @@ use crate::profile::PROFILE;
 use crate::timing;
 use crate::wiring::{FILAMENT, FILAMENT_SWITCH};
 
-/// Interval of the black box's records of temperatures, s.
+/// Interval of the black box's temperature records, s.
 const RECORD_INTERVAL_S: u32 = 1;
 
-/// Looks at the machine at intervals and reports to all hosts.
+/// Periodic check of the machine, with reports to all hosts.
 pub struct Reports<'a, M, H, W, R> {
     machine: M,
     heating: BoardHeating<H>,
@@ -28,12 +28,12 @@ pub struct Reports<'a, M, H, W, R> {
     signals: &'a Signals,
     heater_timeout: HeaterTimeout,
     filament: FilamentWatch,
-    /// Stopped fan, as last reported.
+    /// Stalled fan, as last reported.
     stalled_fan: Option<FanOutput>,
-    /// Counts, as last reported.
+    /// Loss counts, as last reported.
     overload: Overload,
-    /// Times of the last reports of temperatures, the card's progress, the black box's
-    /// temperatures and times, ms.
+    /// Time of the last temperature report, ms; those of the card's progress, the black box's
+    /// temperatures and the time measurements follow.
     temperatures_ms: u32,
     card_ms: u32,
     record_ms: u32,
@@ -47,7 +47,7 @@ where
     W: Mutex<T = Writers>,
     R: Mutex<T = Records>,
 {
-    /// Reports before the first one.
+    /// Creates the state before the first report.
     pub fn new(
         machine: M,
         heating: BoardHeating<H>,
@@ -72,10 +72,10 @@ where
         }
     }
 
-    /// The machine has been halted: switches the motors off and informs the hosts.
+    /// Handles a halt of the machine: switches the motors off and informs the hosts.
     pub fn halted(&mut self) {
-        // A command at work has switched them off already; without one it is done here. The lock
-        // keeps M999 from ending the halt in between: after it the motors are needed.
+        // A command in progress has switched them off already; without one it is done here. The
+        // lock keeps M999 from ending the halt in between: after M999 the motors are needed.
         self.machine.lock(|machine| {
             if self.signals.is_halted() {
                 machine.switch_motors_off();
@@ -91,8 +91,8 @@ where
         self.replies.halted(fault);
     }
 
-    /// Reports what is due at this time: lost bytes, how hosts pack their bytes (MeatPack), rest,
-    /// the card's progress (M27 S), temperatures (M155), overload; to the log, times (M798).
+    /// Sends the reports that are due: lost bytes, how hosts pack their bytes (MeatPack), rest, the
+    /// card's progress (M27 S), temperatures (M155), overload; to the log, times (M798).
     pub fn look(&mut self, now_ms: u32) {
         self.replies.line_troubles(host_line::take_troubles());
         self.replies.packing();
@@ -128,7 +128,7 @@ where
         }
     }
 
-    /// Switches off what has not been used for long: motors (M84 S), heaters (M86).
+    /// Switches off parts that have been unused for long: motors (M84 S), heaters (M86).
     fn rest(&mut self, now_ms: u32) {
         let keeps_heat = Heater::ALL.into_iter().any(|heater| self.heating.status(heater).target_celsius > 0.0);
         let signals = self.signals;
@@ -149,8 +149,8 @@ where
     }
 }
 
-/// True if a report that is repeated every `interval_s` is due, never if that is 0;
-/// notes the time if so.
+/// Returns true if a report repeated every `interval_s` is due, and notes the time; an interval of
+/// 0 is never due.
 fn is_due(last_ms: &mut u32, interval_s: impl Into<u32>, now_ms: u32) -> bool {
     let interval_ms = interval_s.into() * 1000;
     let is_due = interval_ms > 0 && now_ms.wrapping_sub(*last_ms) >= interval_ms;

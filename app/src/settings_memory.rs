@@ -1,4 +1,4 @@
-//! The memory for settings, on a board that has one.
+//! Memory for settings, on boards that have one.
 
 #[cfg(eeprom)]
 mod eeprom;

@@ -1,4 +1,4 @@
-//! The signal that the supply fails, for the planner task, which looks every 2 ms.
+//! The signal that the supply is failing, polled by the planner task every 2 ms.
 
 use ferrostep_printer::{Signals, SupplyWatch};
 use ferrostep_stm32f4_board::board::is_triggered;
@@ -6,16 +6,16 @@ use ferrostep_stm32f4_board::board::is_triggered;
 use crate::profile::PROFILE;
 use crate::wiring::POWER_LOSS;
 
-/// Looks at the signal, on a machine that has one.
+/// Watch of the supply signal, on machines that have one.
 pub struct Supply(SupplyWatch);
 
 impl Supply {
-    /// The signal has not been read yet.
+    /// Creates the watch before the first reading.
     pub const fn new() -> Self {
         Self(SupplyWatch::new())
     }
 
-    /// True if the supply has just failed. To be called with a clock of milliseconds that may wrap.
+    /// Returns true if the supply has just failed. The millisecond clock may wrap.
     pub fn has_failed(&mut self, now_ms: u32, signals: &Signals) -> bool {
         match (POWER_LOSS, &PROFILE.supply_signal) {
             (Some(pin), Some(signal)) => self.0.look(now_ms, is_triggered(pin), signal, signals),

@@ -8,14 +8,14 @@ use ferrostep_printer::Timing;
 use ferrostep_stm32f4::histogram::Summary;
 use ferrostep_stm32f4_board::measured::{self, Measured, Switch};
 
-/// Interval of the log of times while they are measured, ms.
+/// Interval at which measured times are logged, ms.
 pub const LOG_INTERVAL_MS: u32 = 1000;
 
-/// The switch, as the printer sees it.
+/// The measurement switch, as the printer sees it.
 pub struct BoardTiming<'a>(RefCell<&'a mut Switch>);
 
 impl<'a> BoardTiming<'a> {
-    /// Wraps the switch.
+    /// Creates the view of the switch.
     pub fn new(switch: &'a mut Switch) -> Self {
         Self(RefCell::new(switch))
     }
@@ -44,7 +44,7 @@ impl Timing for BoardTiming<'_> {
     }
 }
 
-/// Logs the lines of M798, for a debug probe, while times are measured.
+/// Logs M798's lines for a debug probe, while times are measured.
 pub fn log() {
     if !measured::is_on() {
         return;

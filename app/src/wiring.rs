@@ -1,4 +1,4 @@
-//! The board's connections for what the profile asks for: sensors, and drivers that can be set.
+//! The board's connections for the profile's demands: sensors, and configurable drivers.
 
 use ferrostep_stm32f4::sensor_lines::SensorPin;
 use ferrostep_stm32f4_board::board::Store;

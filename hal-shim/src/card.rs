@@ -1,10 +1,10 @@
-//! The slot of a memory card.
+//! The memory card slot.
 
 use core::fmt;
 
 pub use embedded_sdmmc_types::{Block, BlockCount, BlockDevice, BlockIdx};
 
-/// Reason why a card could not be read or written.
+/// Reason for which a card could not be read or written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CardError {
     /// No card is in the slot.
@@ -15,8 +15,8 @@ pub enum CardError {
     Garbled,
     /// The slot cannot use this card.
     Unsupported,
-    /// The card has no such block, or more blocks were asked for than files and folders can need:
-    /// its folders or its table of clusters are damaged.
+    /// The card has no such block, or more blocks were requested than files and folders can need:
+    /// its folders or its cluster table are damaged.
     Damaged,
 }
 
@@ -34,24 +34,24 @@ impl fmt::Display for CardError {
 
 impl core::error::Error for CardError {}
 
-/// A slot: blocks of 512 bytes, once the card in it has been started.
+/// A card slot: a device of 512-byte blocks, once the inserted card has been started.
 ///
-/// Calls return within [`MAX_BLOCK_MS`]. They may wait, so that they belong into the task of the
-/// lowest priority.
+/// Calls return within [`MAX_BLOCK_MS`]. They may wait, so they belong in the task of the lowest
+/// priority.
 pub trait CardSlot: BlockDevice<Error = CardError> {
-    /// Returns true if a card is in the slot, and always on a board that cannot tell.
+    /// Returns true if a card is in the slot; always true on a board without card detection.
     fn is_inserted(&self) -> bool;
-    /// Starts the card that is in the slot, as after it was put in. A card that was pulled out must
-    /// be started again.
+    /// Starts the card in the slot, as after insertion. A card that was removed must be started
+    /// again.
     ///
     /// # Errors
     /// The slot is empty, or cannot use the card.
     fn start(&self) -> Result<(), CardError>;
-    /// Returns true if the card that was started last has been in the slot ever since: a card that
-    /// was taken out and put in again has not.
+    /// Returns true if the card started last has been in the slot ever since: a card that was
+    /// removed and inserted again has not.
     fn is_still_started(&self) -> bool;
 }
 
-/// Longest time that a slot takes for a block or for the start of a card, ms. Cards may take 250 ms
-/// to write a block and 1 s to start (SD Physical Layer Specification 4.6.2 and 4.2.3).
+/// Longest time that a slot takes for a block or for starting a card, ms. Cards may take 250 ms to
+/// write a block and 1 s to start (SD Physical Layer Specification 4.6.2 and 4.2.3).
 pub const MAX_BLOCK_MS: u32 = 1100;

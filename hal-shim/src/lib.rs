@@ -1,4 +1,4 @@
-//! The traits that the printer needs of a board.
+//! The traits through which the printer uses a board.
 //!
 //! embedded-hal's traits are used where they exist: waits are `embedded_hal_async::delay::DelayNs`.
 #![cfg_attr(not(test), no_std)]
@@ -12,14 +12,14 @@ use ferrostep_planner::{Move, StepDigests, StepEntry, StepObserver};
 pub use ferrostep_step_player::{DroppedSteps, FeedError, StepLink};
 pub use servo::ServoPulses;
 
-/// A heater with its thermometer.
+/// A heater with its temperature sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Heater {
     /// The hot end.
     Nozzle,
     /// The heated bed.
     Bed,
-    /// The chamber: its thermometer, and the heater that some have.
+    /// The chamber: a temperature sensor and, on some machines, a heater.
     Chamber,
     /// The hot end of a second tool.
     Nozzle1,
@@ -32,17 +32,17 @@ impl Heater {
     /// All heaters, in the order of their index. Every machine has the first two.
     pub const ALL: [Self; Self::COUNT] = [Self::Nozzle, Self::Bed, Self::Chamber, Self::Nozzle1];
 
-    /// The heater's place in [`Self::ALL`].
+    /// Index of the heater in [`Self::ALL`].
     pub const fn index(self) -> usize {
         self as usize
     }
 
-    /// Returns true if it is the hot end of a tool.
+    /// Returns true for a tool's hot end.
     pub const fn is_nozzle(self) -> bool {
         matches!(self, Self::Nozzle | Self::Nozzle1)
     }
 
-    /// The heater's name in texts: `nozzle`, `bed`, `chamber`, `nozzle1`.
+    /// Name of the heater in texts: `nozzle`, `bed`, `chamber`, `nozzle1`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Nozzle => "nozzle",
@@ -56,27 +56,27 @@ impl Heater {
 /// A board's connector for a heater or thermistor other than the nozzle's and the bed's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpareConnector {
-    /// A second nozzle's.
+    /// Connector of a second nozzle.
     Nozzle1,
-    /// A third nozzle's.
+    /// Connector of a third nozzle.
     Nozzle2,
-    /// A fourth nozzle's.
+    /// Connector of a fourth nozzle.
     Nozzle3,
-    /// A thermistor beside the probe.
+    /// Connector of a thermistor next to the probe.
     ProbeThermistor,
-    /// A thermistor on the board.
+    /// Thermistor on the board itself.
     BoardThermistor,
 }
 
 impl SpareConnector {
-    /// All that have a heater's output and a thermistor's input.
+    /// All connectors with a heater output and a thermistor input.
     pub const HEATERS: [Self; 3] = [Self::Nozzle1, Self::Nozzle2, Self::Nozzle3];
 
-    /// All that have a thermistor's input.
+    /// All connectors with a thermistor input.
     pub const THERMISTORS: [Self; 5] =
         [Self::Nozzle1, Self::Nozzle2, Self::Nozzle3, Self::ProbeThermistor, Self::BoardThermistor];
 
-    /// The connector's name in a board's file: `nozzle1` ...
+    /// Name of the connector in a board file: `nozzle1` ...
     pub const fn name(self) -> &'static str {
         match self {
             Self::Nozzle1 => "nozzle1",
@@ -88,7 +88,7 @@ impl SpareConnector {
     }
 }
 
-/// Reason why a reading gives no temperature.
+/// Reason for which a reading gives no temperature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SensorError {
     /// The circuit is open.
@@ -97,39 +97,38 @@ pub enum SensorError {
     Shorted,
 }
 
-/// Time that never goes back.
+/// A monotonic clock.
 pub trait Clock {
     /// Milliseconds since start.
     fn now_ms(&self) -> u64;
 }
 
-/// Thermometers and heaters.
+/// Temperature sensors and heaters.
 pub trait ThermalBoard {
-    /// The converter's reading of a heater's thermistor: the sum of 16 conversions of 12 bits,
-    /// taken now or since the reading before (`ferrostep-thermistor` makes a temperature of it). 0
-    /// for a heater that the machine does not have.
+    /// Converter reading of a heater's thermistor: the sum of 16 conversions of 12 bits, taken now
+    /// or since the previous reading (`ferrostep-thermistor` turns it into a temperature). 0 for a
+    /// heater that the machine does not have.
     fn reading(&mut self, heater: Heater) -> u16;
-    /// Heater power from 0 to 1; anything else is cut to that.
+    /// Sets the heater power, 0 to 1; other values are clamped.
     fn set_power(&mut self, heater: Heater, power: f32);
-    /// Switches the power supply of heaters, motors and fans; without effect on a
-    /// board that cannot.
+    /// Switches the power supply of heaters, motors and fans; no effect on a board that cannot.
     fn set_supply(&mut self, _on: bool) {}
 }
 
-/// A board's output for a fan.
+/// A fan output of a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FanOutput {
-    /// The part-cooling fan's.
+    /// Output of the part-cooling fan.
     Part,
-    /// The hot end's own fan's.
+    /// Output of the hot end's own fan.
     HotEnd,
-    /// A third one.
+    /// Third fan output.
     Fan2,
-    /// A fourth one.
+    /// Fourth fan output.
     Fan3,
-    /// A fifth one.
+    /// Fifth fan output.
     Fan4,
-    /// A sixth one.
+    /// Sixth fan output.
     Fan5,
 }
 
@@ -140,12 +139,12 @@ impl FanOutput {
     /// All outputs, in the order of their index.
     pub const ALL: [Self; Self::COUNT] = [Self::Part, Self::HotEnd, Self::Fan2, Self::Fan3, Self::Fan4, Self::Fan5];
 
-    /// The output's place in [`Self::ALL`].
+    /// Index of the output in [`Self::ALL`].
     pub const fn index(self) -> usize {
         self as usize
     }
 
-    /// The output's name in a board's file: `part`, `hotend`, `fan2` to `fan5`.
+    /// Name of the output in a board file: `part`, `hotend`, `fan2` to `fan5`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Part => "part",
@@ -160,9 +159,9 @@ impl FanOutput {
 
 /// The fans. Setting one that a board lacks has no effect.
 pub trait Fans {
-    /// Power of a fan, 0 to 255.
+    /// Sets the power of a fan, 0 to 255.
     fn set_fan_power(&mut self, fan: FanOutput, power: u8);
-    /// Pulses that a fan's tachometer has given so far, modulo 2^16: two a turn. `None` where the
+    /// Pulses counted so far from a fan's tachometer, modulo 2^16: two per turn. `None` if the
     /// board has no tachometer.
     fn tachometer(&self, _fan: FanOutput) -> Option<u16> {
         None
@@ -171,12 +170,11 @@ pub trait Fans {
 
 /// The queue of step entries, seen from the planner, which fills it; the step interrupt empties it.
 pub trait StepQueue {
-    /// Number of slots that entries have filled so far, modulo 2^32. The newest event is
-    /// not in a slot yet.
+    /// Number of slots filled so far, modulo 2^32. The newest event is not in a slot yet.
     fn queued(&self) -> u32;
-    /// Number of slots that have been played so far, modulo 2^32.
+    /// Number of slots played so far, modulo 2^32.
     fn played(&self) -> u32;
-    /// Slots that wait to be played, or are being played, the newest event included.
+    /// Number of slots waiting or being played, including the newest event.
     fn waiting(&self) -> usize;
     /// Minimum number of further entries that fit.
     fn room(&self) -> usize;
@@ -185,7 +183,7 @@ pub trait StepQueue {
     /// # Errors
     /// The entry does not fit, or comes too soon after the one before; the queue is unchanged.
     fn push(&mut self, entry: StepEntry) -> Result<(), FeedError>;
-    /// Adds entries. A queue may do so at a lower cost than one by one.
+    /// Adds entries. A queue may do this at a lower cost than one by one.
     ///
     /// # Errors
     /// As [`Self::push`]; the entries before the refused one were added.
@@ -193,23 +191,21 @@ pub trait StepQueue {
     fn push_all(&mut self, entries: &[StepEntry]) -> Result<(), FeedError> {
         entries.iter().try_for_each(|entry| self.push(*entry))
     }
-    /// The motion ends with the newest entry.
+    /// Ends the motion with the newest entry.
     fn seal(&mut self);
-    /// Starts the interrupt, unless it already plays the queue.
+    /// Starts the interrupt, unless it is already playing the queue.
     fn start(&mut self);
     /// The flags shared with the interrupt.
     fn link(&self) -> &StepLink;
-    /// Steps of X, Y, Z (A, B, Z) and the extruder that it holds and the motors have not made,
+    /// Steps of X, Y, Z (A, B, Z) and the extruder that are queued but not yet made by the motors,
     /// forwards minus backwards.
     fn unplayed_steps(&self) -> [i32; 4];
     /// Stops all motors before their next step; [`Self::drop_all`] must follow.
     fn request_stop(&mut self);
-    /// Forgets, after a stop, the entries that have not been played, and returns their steps.
-    /// Motion may start again.
+    /// Drops the unplayed entries after a stop, and returns their steps. Motion may start again.
     fn drop_all(&mut self) -> DroppedSteps;
-    /// Updates of its timer that the interrupt has missed since the last call, because it was
-    /// held up for longer than an interval. No step is lost with them: all later ones come
-    /// that much later.
+    /// Timer updates that the interrupt has missed since the last call because it was held up for
+    /// longer than an interval. No step is lost; all later steps are delayed by that much.
     fn take_missed_updates(&mut self) -> u32;
 }
 
@@ -218,10 +214,10 @@ pub trait HomingSensors: StepQueue {
     /// Returns true if the sensor of X (0), Y (1) or Z (2) is triggered.
     fn is_sensor_triggered(&self, axis: usize) -> bool;
     /// Stops motion from now on when the sensor of this axis triggers
-    /// ([`StepLink::request_sensor_stop`]); `None`: at no sensor.
+    /// ([`StepLink::request_sensor_stop`]); with `None` at no sensor.
     fn watch_sensor(&mut self, axis: Option<usize>);
     /// Adds an entry of a move towards the watched sensor. A real sensor stops the motors when it
-    /// triggers, so the whole entry is added. A model knows beforehand at which event it triggers,
+    /// triggers, so the whole entry is added. A model knows in advance at which event it triggers,
     /// and adds the events up to that one.
     ///
     /// # Errors
@@ -230,11 +226,12 @@ pub trait HomingSensors: StepQueue {
         self.push(entry)?;
         Ok(Approach { added: Some(entry), triggered: false })
     }
-    /// Sends pulses to the probe whose pin a servo's signal moves; they replace those that have
-    /// not been sent. Without effect on a board that has no such output: the build refuses a
-    /// profile that needs it.
+    /// Sends pulses to a probe whose pin is moved by a servo signal; they replace those not yet
+    /// sent. No effect on a board without such an output: the build refuses a profile that needs
+    /// one.
     fn send_servo_pulses(&mut self, _pulses: ServoPulses) {}
-    /// Returns true if all of them have been sent, and the pause after the last one has passed.
+    /// Returns true if all servo pulses have been sent, and the pause after the last one has
+    /// passed.
     fn are_servo_pulses_sent(&self) -> bool {
         true
     }
@@ -243,46 +240,46 @@ pub trait HomingSensors: StepQueue {
 /// The result of adding an entry of a move towards a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Approach {
-    /// The part of it that was added.
+    /// Part of the entry that was added.
     pub added: Option<StepEntry>,
-    /// The sensor triggers at its end: the move ends there.
+    /// True if the sensor triggers at the end of that part: the move ends there.
     pub triggered: bool,
 }
 
 /// A clock that measures how long planning takes.
 pub trait PlanningClock {
-    /// The present time, ticks of the nominal time base modulo 2^32. `None` without a clock: then
-    /// planning is taken to keep up.
+    /// Current time in ticks of the nominal time base, modulo 2^32. `None` without a clock:
+    /// planning is then assumed to keep up.
     fn now_ticks(&self) -> Option<u32> {
         None
     }
-    /// A portion of planning begins.
+    /// Marks the beginning of a portion of planning.
     fn planning_begins(&mut self) {}
-    /// The portion has ended.
+    /// Marks the end of the portion.
     fn planning_ends(&mut self) {}
 }
 
-/// Observes the motion in ticks of the motion clock. As [`StepObserver`] it sees every step as it
-/// is queued. A queue to real motors needs only the digests.
+/// Observes the motion in ticks of the motion clock. As a [`StepObserver`] it sees every step when
+/// the step is queued. A queue for real motors needs only the digests.
 pub trait MotionWatch: StepObserver {
-    /// True if the position of the pushed filament is followed, for a sensor that sees it move.
+    /// True if the position of the pushed filament is tracked, for a filament motion sensor.
     const FOLLOWS_FILAMENT: bool = true;
 
-    /// True if a switch may accompany that sensor.
+    /// True if a switch may accompany the filament motion sensor.
     const HAS_FILAMENT_SWITCH: bool = true;
-    /// Digests of the steps so far. A board digests them as they are queued; virtual motors
-    /// as they make them.
+    /// Digests of the steps so far. A board digests steps when they are queued, virtual motors when
+    /// they make them.
     fn digests(&self) -> StepDigests;
-    /// A move was taken. `slowed_moves`: how many of all moves were slowed because the board
-    /// could not keep up with them; a block is slowed when the move after it has been taken, or
-    /// when it is full.
+    /// Notes that a move was taken. `slowed_moves`: how many moves so far were slowed because the
+    /// board could not keep up with them; a block is slowed when the move after it has been taken,
+    /// or when it is full.
     fn move_taken(&mut self, _taken: &Move, _slowed_moves: u64) {}
     /// Notes that a move of this source line ends at this tick, after the entries added so far.
     fn move_ended(&mut self, _tick: u64, _line: u32) {}
     /// Notes that the motors are at rest, that all motion has been played or dropped, and that the
     /// motion clock continues from this tick.
     fn stands_at(&mut self, _tick: u64) {}
-    /// Notes, at standstill, that homing sets the motors' positions, as of this tick.
+    /// Notes, at standstill, that homing sets the motor positions as of this tick.
     fn redefined(&mut self, _tick: u64, _motor_steps: [i64; 4]) {}
 }
 
@@ -290,17 +287,17 @@ pub trait MotionWatch: StepObserver {
 pub trait MotorEnable {
     /// Switches the motors in the mask on or off.
     fn set_motors_enabled(&mut self, motors: u8, enabled: bool);
-    /// Selects the motors of Z that make the next steps; the others stand still. Bit 0 is the
-    /// axis's first motor. At standstill only; [`StepQueue::drop_all`] selects all of them again.
-    /// Without effect where Z has one motor.
+    /// Selects the Z motors that make the next steps; the others stand still. Bit 0 is the axis's
+    /// first motor. At standstill only; [`StepQueue::drop_all`] selects all of them again. No
+    /// effect if Z has one motor.
     fn step_z_motors(&mut self, _motors: u8) {}
-    /// Selects the extruder that makes the next steps, by its tool; the others stand still, with
-    /// the current that they have. At standstill only; [`StepQueue::drop_all`] keeps the selection.
-    /// Without effect with a single extruder.
+    /// Selects the extruder that makes the next steps, by its tool number; the others stand still
+    /// at their present current. At standstill only; [`StepQueue::drop_all`] keeps the selection.
+    /// No effect with a single extruder.
     fn step_extruder(&mut self, _tool: u8) {}
 }
 
-/// All parts of a board that make motion.
+/// All parts of a board that produce motion.
 pub trait StepOutput: HomingSensors + PlanningClock + MotorEnable + MotionWatch {}
 
 impl<Q: HomingSensors + PlanningClock + MotorEnable + MotionWatch> StepOutput for Q {}

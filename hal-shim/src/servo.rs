@@ -1,25 +1,25 @@
-//! The signal of a servo, which commands a probe with a pin (BLTouch).
+//! Servo signal that commands a probe with a pin (BLTouch).
 
-/// Pulses for a servo: one every 20 ms, whose width is the command.
+/// Pulses for a servo: one every 20 ms; the width of the pulse is the command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServoPulses {
-    /// Width of each, microseconds: 1 to 10,000.
+    /// Width of each pulse, microseconds: 1 to 10,000.
     pub width_us: u16,
     /// Number of pulses.
     pub count: u16,
 }
 
 impl ServoPulses {
-    /// Time from the beginning of a pulse to that of the next, microseconds.
+    /// Time from the start of one pulse to the start of the next, microseconds.
     pub const PERIOD_US: u16 = 20_000;
 
-    /// Returns the pulses that fill this time: their number is rounded up and at least one.
+    /// Returns pulses that fill this time: their number is rounded up and is at least one.
     pub const fn lasting_ms(width_us: u16, ms: u16) -> Self {
         let count = ms.div_ceil(Self::PERIOD_US / 1000);
         Self { width_us, count: if count == 0 { 1 } else { count } }
     }
 
-    /// Both in one word, which is never 0: a task stores it at once, and an
+    /// Width and count in one word, which is never 0: a task stores it in one access, and an
     /// interrupt counts it down.
     pub const fn word(self) -> u32 {
         (self.count as u32) << 16 | self.width_us as u32

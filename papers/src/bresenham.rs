@@ -1,13 +1,13 @@
-//! Wu's Bresenham lines (Wu 2024): classic, and by stairs whose widths are found by
-//! one of three rules.
+//! Wu's Bresenham lines (Wu 2024): classic, and in stairs whose widths are found by one of three
+//! rules.
 //!
 //! All rules yield the same widths:
 //!
-//! - [`FromFirstStair`]: as Wu proposes it, without any division, by one or two decisions a stair;
-//!   the first stair is counted.
-//! - [`FromQuotient`]: one division a line and one decision a stair; no stair is counted.
-//! - [`FromDivision`]: a division a stair, as the interpolator's [`StepBresenham`] does it: 14 %
-//!   fewer instructions than with the quotient (`cargo xtask bench`).
+//! - [`FromFirstStair`]: as Wu proposes, without any division, with one or two decisions per stair;
+//! the first stair is counted.
+//! - [`FromQuotient`]: one division per line and one decision per stair; no stair is counted.
+//! - [`FromDivision`]: one division per stair, like the interpolator's [`StepBresenham`]: 14 %
+//! fewer instructions than with the quotient (`cargo xtask bench`).
 
 mod classic;
 mod decisions;

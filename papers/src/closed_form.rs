@@ -3,11 +3,11 @@
 use crate::curve_error::{CurveError, MOST, is_in_range, is_zero_or_in_range};
 use crate::five_segments::bounds::RampBounds;
 
-/// A ramp between two speeds in two halves of opposite jerks (Li 2017, eqs. 1 to 4). Any unit of
+/// A ramp between two speeds in two halves of opposite jerk (Li 2017, eqs. 1 to 4). Any unit of
 /// length; seconds.
 ///
-/// Li's ramp has no limit of acceleration; with one, t1 = max(sqrt(dv/j), dv/a) and the
-/// jerk is dv/t1^2.
+/// Li's ramp has no acceleration limit; with one, t1 = max(sqrt(dv/j), dv/a) and the jerk is
+/// dv/t1^2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ramp {
     from: f64,
@@ -15,7 +15,7 @@ pub struct Ramp {
     half_time_s: f64,
 }
 
-/// Path and its derivatives at an instant.
+/// Path and its derivatives at a point in time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {
     /// Path from the start.
@@ -42,37 +42,38 @@ fn speeds(speeds: &[f64]) -> Result<(), CurveError> {
 }
 
 impl Ramp {
-    /// The ramp between two speeds under a jerk and an acceleration (infinite for none).
+    /// Creates the ramp between two speeds with this jerk and acceleration limit (infinite for
+    /// none).
     ///
     /// # Errors
-    /// [`CurveError`] where a number is out of range.
+    /// [`CurveError`] if a number is out of range.
     pub fn new(from: f64, to: f64, jerk: f64, acceleration: f64) -> Result<Self, CurveError> {
         let bounds = bounds(jerk, acceleration)?;
         speeds(&[from, to])?;
         Ok(Self { from, to, half_time_s: bounds.half_time(from, to) })
     }
 
-    /// t1, half of its duration, s.
+    /// t1, half the duration of the ramp, s.
     pub fn half_time_s(&self) -> f64 {
         self.half_time_s
     }
 
-    /// Path it takes: (V0 + Vt) t1.
+    /// Path length of the ramp: (V0 + Vt) t1.
     pub fn length(&self) -> f64 {
         (self.from + self.to) * self.half_time_s
     }
 
-    /// The greatest acceleration, at t1; below zero in a deceleration.
+    /// Greatest acceleration, at t1; negative in a deceleration.
     pub fn peak_acceleration(&self) -> f64 {
         if self.half_time_s > 0.0 { (self.to - self.from) / self.half_time_s } else { 0.0 }
     }
 
-    /// The jerk of its first half.
+    /// Jerk of the first half.
     pub fn jerk(&self) -> f64 {
         if self.half_time_s > 0.0 { self.peak_acceleration() / self.half_time_s } else { 0.0 }
     }
 
-    /// State at a time, s; times outside give the nearer end.
+    /// State at a time, s; times outside give the state at the nearer end.
     pub fn at(&self, time_s: f64) -> State {
         let jerk = self.jerk();
         let rest_s = 2.0 * self.half_time_s - time_s;
@@ -106,9 +107,10 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// Curve from `entry` to `exit` over a length, at most at `most` in between. Without room for
-    /// that speed there is no cruise, and the peak is where both ramps fill the length: Li's case
-    /// (b), which cuts the table's ramps while their acceleration is not zero, planned anew.
+    /// Creates the curve from `entry` to `exit` over a length, at most at `most` in between.
+    /// Without room for that speed there is no cruise, and the peak is the speed at which the two
+    /// ramps fill the length. This is Li's case (b), planned anew; the table cuts its ramps off
+    /// there while their acceleration is not zero.
     ///
     /// # Errors
     /// [`CurveError`] if a number is out of range, or the length does not even hold a ramp from
@@ -149,7 +151,7 @@ impl Profile {
         2.0 * (self.up.half_time_s + self.down.half_time_s) + self.cruise_s
     }
 
-    /// State at a time, s; times outside give the nearer end.
+    /// State at a time, s; times outside give the state at the nearer end.
     pub fn at(&self, time_s: f64) -> State {
         let up_s = 2.0 * self.up.half_time_s;
         let down_start_s = up_s + self.cruise_s;

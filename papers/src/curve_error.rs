@@ -1,40 +1,40 @@
-//! Reasons why certain numbers give no S-curve.
+//! Reasons for which numbers do not define an S-curve.
 
 use core::fmt;
 
-/// Minimum and maximum of the numbers, zero aside, that curves are made of: beyond, squares and
-/// quotients of them would overflow.
+/// Minimum and maximum of nonzero numbers in a curve: beyond them squares and quotients would
+/// overflow.
 pub(crate) const LEAST: f64 = 1e-12;
 pub(crate) const MOST: f64 = 1e12;
 
-/// True if a number that must not be zero is in range.
+/// Returns true if a number that must not be zero is in range.
 pub(crate) fn is_in_range(x: f64) -> bool {
     (LEAST..=MOST).contains(&x)
 }
 
-/// True if a number that may be zero is zero or in range.
+/// Returns true if a number that may be zero is zero or in range.
 pub(crate) fn is_zero_or_in_range(x: f64) -> bool {
     x == 0.0 || is_in_range(x)
 }
 
-/// Reason why there is no such S-curve.
+/// Reason for which no such S-curve exists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CurveError {
-    /// The jerk is not a number from 1e-12 to 1e12.
+    /// The jerk is outside 1e-12 to 1e12 or not a number.
     Jerk,
-    /// The acceleration is not a number from 1e-12 on.
+    /// The acceleration is below 1e-12 or not a number.
     Acceleration,
-    /// A speed is not zero or a number from 1e-12 to 1e12, or all are zero over a length.
+    /// A speed is neither zero nor in 1e-12 to 1e12, or all speeds are zero over a nonzero length.
     Speed,
-    /// The length is not zero or a number from 1e-12 to 1e12.
+    /// The length is neither zero nor in 1e-12 to 1e12.
     Length,
     /// The speeds at the ends are further apart than the length allows.
     TooShort,
-    /// The start frequency is not a number from 1e-12 to 1e12.
+    /// The start frequency is outside 1e-12 to 1e12 or not a number.
     StartFrequency,
-    /// The highest frequency is not above the start frequency, or above 1e12.
+    /// The highest frequency does not exceed the start frequency, or exceeds 1e12.
     TopFrequency,
-    /// The table would have more slices than it may.
+    /// The table would exceed its maximum number of slices.
     TooManySlices,
 }
 

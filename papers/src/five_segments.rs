@@ -1,8 +1,8 @@
 //! Li's S-curve segment by segment: ramp, cruise and ramp make five segments of constant jerk, and
 //! the acceleration is zero at both ends of every block.
 //!
-//! The planner's own S-curve holds its acceleration, and blocks share one law; what that gains
-//! shows against this.
+//! The planner's own S-curve keeps its acceleration from block to block under one law; this module
+//! is the reference that shows how much that gains.
 
 pub(crate) mod bounds;
 
@@ -15,17 +15,18 @@ use ferrostep_planner::{Block, Cubic, PlannedBlock, Speed};
 
 use bounds::RampBounds;
 
-/// Length units of [`Block`] in 1 mm.
+/// Length units of [`Block`] per mm.
 const UNIT: f64 = UNITS_PER_MM as f64;
 
-/// Li's five segments as the machine's law (Li 2017, section 1.1): block by block, at this jerk.
+/// Li's five segments as a law for the machine (Li 2017, section 1.1): block by block, at this
+/// jerk.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FiveSegments {
     jerk_mm_per_s3: f64,
 }
 
 impl FiveSegments {
-    /// Law with this jerk, mm/s^3; `None` unless that is a finite number above zero.
+    /// Creates the law with this jerk, mm/s^3; `None` unless the jerk is finite and above zero.
     pub fn new(jerk_mm_per_s3: f64) -> Option<Self> {
         (jerk_mm_per_s3 > 0.0 && jerk_mm_per_s3.is_finite()).then_some(Self { jerk_mm_per_s3 })
     }
@@ -48,7 +49,7 @@ impl SpeedRule for FiveSegments {
 
     fn reach(&self, block: &Block, speed: Speed) -> Speed {
         let reached = self.bounds(block).reach_from_up_to(speed.mm_per_s(), length_mm(block));
-        // Rounded down; from_mm_per_s may round to the nearest.
+        // Rounded down, since from_mm_per_s may round to the nearest.
         Speed(Real::to_u32(reached * SPEED_UNITS)).max(speed)
     }
 
@@ -70,7 +71,7 @@ impl SpeedRule for FiveSegments {
         let (mut up, mut down) = (Ramp::new(&bounds, entry, peak), Ramp::new(&bounds, exit, peak));
         let ramps = up.length() + down.length();
         if ramps > length {
-            // Speeds are rounded to their units: a hair of path is missing.
+            // Speeds are rounded to their units, so a tiny part of the path is missing.
             (up, down) = (up.scaled(length / ramps), down.scaled(length / ramps));
         }
         let cruise = length - up.length() - down.length();
@@ -83,16 +84,17 @@ impl SpeedRule for FiveSegments {
     }
 }
 
-/// Units of [`Speed`] in 1 mm/s.
+/// Units of [`Speed`] per mm/s.
 const SPEED_UNITS: f64 = 65_536.0;
 
-/// A ramp: two halves of opposite jerks, each described from the end where the
-/// acceleration is zero.
+/// A ramp: two halves of opposite jerk, each described from the end at which the acceleration is
+/// zero.
 #[derive(Clone, Copy, Debug)]
 struct Ramp {
     /// Duration of a half, time units.
     half_time: f64,
-    /// Speeds at the slow and the fast end times that, units of 10 nm.
+    /// Speed at the slow end times the duration of a half, units of 10 nm; the same for the fast
+    /// end follows.
     slow: f64,
     fast: f64,
 }
@@ -107,12 +109,12 @@ impl Ramp {
         self.slow + self.fast
     }
 
-    /// The same ramp in a shorter time, over a path shorter in proportion.
+    /// Compresses the ramp to a shorter time, over a proportionally shorter path.
     fn scaled(&self, scale: f64) -> Self {
         Self { half_time: self.half_time * scale, slow: self.slow * scale, fast: self.fast * scale }
     }
 
-    /// Path that the jerk makes in a half, j t1^3/6.
+    /// Path contributed by the jerk in a half, j t1^3/6.
     fn bend(&self) -> f64 {
         (self.fast - self.slow) / 6.0
     }
@@ -126,15 +128,15 @@ impl Ramp {
     }
 }
 
-/// The five segments of a block, in their order.
+/// The five segments of a block, in order.
 #[derive(Clone, Copy, Debug)]
 pub struct SegmentPieces {
     length: f64,
-    /// Speed of the cruise, 10 nm/s.
+    /// Cruise speed, 10 nm/s.
     peak: f64,
     up: Ramp,
     down: Ramp,
-    /// Time units.
+    /// Start of the deceleration, time units.
     down_start: f64,
     duration: f64,
     next: u8,

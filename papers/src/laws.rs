@@ -1,4 +1,4 @@
-//! The papers' time laws as one.
+//! The papers' time laws as one type.
 
 use ferrostep_planner::methods::{OtherLaw, SpeedRule};
 use ferrostep_planner::piece::Piece;
@@ -8,7 +8,7 @@ use crate::five_segments::{FiveSegments, SegmentPieces};
 use crate::staircase::StaircasePieces;
 use crate::table::FrequencyTable;
 
-/// A law of the papers.
+/// A time law from the papers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PaperRule {
     /// Li's table of frequencies.
@@ -17,7 +17,7 @@ pub enum PaperRule {
     FiveSegments(FiveSegments),
 }
 
-/// The pieces of a block under one of them.
+/// Pieces of a block under one of these laws.
 #[derive(Clone, Copy, Debug)]
 pub enum PaperPieces {
     /// Pieces of a staircase of constant speeds.

@@ -1,11 +1,11 @@
-//! The demands of a method of interpolation on planning: how many events a block has, and
-//! how near they come.
+//! Demands of an interpolation method on planning: the number of events in a block, and their
+//! spacing.
 
 use ferrostep_planner::{DualRatePeriods, Interpolation, Kinematics, MotionChoice, TICKS_PER_SECOND};
 
 use crate::plane::is_dead_zone;
 
-/// A method of interpolation other than step Bresenham, on a machine.
+/// An interpolation method other than step Bresenham, on a machine.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Method {
     pub interpolation: Interpolation,
@@ -14,27 +14,27 @@ pub(crate) struct Method {
 }
 
 impl Method {
-    /// The method that was chosen.
+    /// Creates the chosen method.
     pub fn new(choice: &MotionChoice, kinematics: Kinematics) -> Self {
-        // The papers' methods in the plane of X and Y know CoreXY's motors, or one
-        // motor for each axis.
+        // In the plane of X and Y the papers' methods support CoreXY's motors, or one motor for
+        // each axis.
         let kinematics = if kinematics == Kinematics::CoreXy { kinematics } else { Kinematics::Cartesian };
         Self { interpolation: choice.interpolation, kinematics, periods: choice.dual_rate }
     }
 
-    /// Motor steps of X and Y (or A and B), without their signs.
+    /// Unsigned motor steps of X and Y (or A and B).
     fn plane([x, y, _]: [i32; 3]) -> [u32; 2] {
         [x.unsigned_abs(), y.unsigned_abs()]
     }
 
-    /// True if the block's plane is interpolated at two rates.
+    /// Returns true if the block's plane is interpolated at two rates.
     pub fn has_two_rates(&self, steps: [i32; 3]) -> bool {
         let [first, second] = Self::plane(steps);
         self.interpolation == Interpolation::DualRate && !is_dead_zone(&self.periods, first, second)
     }
 
-    /// Number of equal parts of a block's path of which each has one event of X, Y and
-    /// Z's motors at most.
+    /// Number of equal parts of a block's path such that each part has at most one event of X, Y
+    /// and Z's motors.
     pub fn densest(&self, steps: [i32; 3]) -> u32 {
         let [x, y] = Self::plane(steps);
         let longest = x.max(y);
@@ -51,7 +51,7 @@ impl Method {
         plane.max(z.unsigned_abs())
     }
 
-    /// Step events of X, Y and Z's motors in a block, those that join others counted too.
+    /// Number of step events of X, Y and Z's motors in a block, including those that join others.
     pub fn events(&self, steps: [i32; 3]) -> u32 {
         let [x, y] = Self::plane(steps);
         let plane = match self.interpolation {
@@ -66,10 +66,9 @@ impl Method {
         plane.saturating_add(z.unsigned_abs())
     }
 
-    /// Shortest time in which the block's X and Y may be made, ticks: dual-rate runs no motor
-    /// faster than T_min.
+    /// Minimum time for the block's X and Y, ticks: dual-rate runs no motor faster than T_min.
     pub fn least_ticks(&self, steps: [i32; 3]) -> f32 {
-        /// Ticks in a nanosecond.
+        /// Ticks per nanosecond.
         const TICKS_PER_NS: f32 = TICKS_PER_SECOND as f32 / 1e9;
         if self.interpolation != Interpolation::DualRate {
             return 0.0;

@@ -1,4 +1,4 @@
-//! The papers' methods as the planner's type parameter.
+//! The papers' methods as a type parameter of the planner.
 
 use core::fmt::{self, Debug};
 use core::marker::PhantomData;
@@ -12,11 +12,11 @@ use crate::laws::{PaperPieces, PaperRule};
 use crate::pattern::PaperPattern;
 use crate::table::FrequencyTable;
 
-/// All methods: the standard ones and the papers'. What `B` and `L` are for
-/// [`ferrostep_planner::Standard`], they are here.
+/// All methods: the standard ones and the papers'. `B` and `L` have the same meaning as in
+/// [`ferrostep_planner::Standard`].
 pub struct Papers<B = BedStage, L = BacklashStage>(PhantomData<fn() -> (B, L)>);
 
-// Derived, they would ask for a bed that can be copied.
+// A derived implementation would require a bed that can be cloned.
 impl<B, L> Clone for Papers<B, L> {
     fn clone(&self) -> Self {
         *self
@@ -38,7 +38,7 @@ impl<B: Bed, L: BacklashCorrection> MotionMethods for Papers<B, L> {
     type Bed = B;
     type Backlash = L;
 
-    // Large: inlined, it is once on the stack.
+    // Large: not inlined, it is on the stack only once.
     #[inline(always)]
     fn pattern(choice: &MotionChoice, kinematics: Kinematics) -> Result<Option<PaperPattern>, ChoiceError> {
         let is_standard = choice.interpolation == Interpolation::StepBresenham;

@@ -1,4 +1,4 @@
-//! The papers' patterns at the planner's seam.
+//! The papers' step patterns for the planner.
 
 use ferrostep_planner::methods::{DueEvent, StepPattern};
 use ferrostep_planner::stretches::Stretch;
@@ -11,7 +11,7 @@ use crate::pulses::{Law, Pulses, Times};
 
 /// Classic Bresenham, point-by-point comparison, minimum deviation or dual-rate.
 ///
-/// X and Y are one stream of pulses, two under dual-rate. Classic Bresenham orders Z too.
+/// X and Y are one stream of pulses, or two under dual-rate. Classic Bresenham also orders Z.
 #[derive(Clone, Copy, Debug)]
 pub struct PaperPattern {
     method: Method,
@@ -20,7 +20,7 @@ pub struct PaperPattern {
 }
 
 impl PaperPattern {
-    /// The pattern that was chosen.
+    /// Creates the chosen pattern.
     pub(crate) fn new(choice: &MotionChoice, kinematics: Kinematics) -> Self {
         Self { method: Method::new(choice, kinematics), streams: [(Pulses::NONE, Times::NONE); 2], z: Times::NONE }
     }

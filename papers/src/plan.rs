@@ -1,48 +1,48 @@
-//! Li's cases: a segment between others, from the table.
+//! Li's cases of a segment between others, from the table.
 
 use crate::table::FrequencyTable;
 
 /// The paper's case of a segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlanCase {
-    /// (a): start and stop are slower than the run, and it is reached.
+    /// Case (a): start and stop are slower than the run frequency, which is reached.
     Full,
-    /// (b): start and stop are slower than the run, and it is not reached.
+    /// Case (b): start and stop are slower than the run frequency, which is not reached.
     NoCruise,
-    /// (c): started at the run's frequency or above, stopped below.
+    /// Case (c): started at the run frequency or above, stopped below it.
     SlowsDown,
-    /// (d): started below the run's frequency, stopped at it or above.
+    /// Case (d): started below the run frequency, stopped at it or above.
     SpeedsUp,
-    /// Start and stop are no slower than the run: at the run's frequency throughout.
+    /// Start and stop are no slower than the run frequency, which is kept throughout.
     AtRun,
-    /// A line too short to go from start to stop: at the slower of them throughout.
+    /// The line is too short for the change from start to stop: the slower of the two throughout.
     TooShort,
 }
 
-/// A segment's pulses, divided (Li 2017, sect. 2, eqs. 5 and 6).
+/// Division of a segment's pulses (Li 2017, sect. 2, eqs. 5 and 6).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {
-    /// The case.
+    /// Case of the segment.
     pub case: PlanCase,
-    /// A, pulses of the acceleration.
+    /// A, the number of pulses of the acceleration.
     pub acceleration: f64,
-    /// C, pulses of the cruise.
+    /// C, the number of pulses of the cruise.
     pub cruise: f64,
-    /// D, pulses of the deceleration.
+    /// D, the number of pulses of the deceleration.
     pub deceleration: f64,
-    /// F where the segment starts.
+    /// F at the start of the segment.
     pub start: f64,
-    /// F where it stops.
+    /// F at the end of the segment.
     pub stop: f64,
-    /// Frequency of the cruise, Hz; without a cruise, the highest frequency.
+    /// Frequency of the cruise, Hz; without a cruise, the highest frequency of the segment.
     pub run_hz: f64,
 }
 
 impl Plan {
-    /// The plan of a segment of this many pulses between a start and a stop frequency, at most at
-    /// the run frequency, all in Hz. A run above the table's highest frequency is held to it. Start
-    /// and stop below f0 are f0, from which a motor starts without a ramp; a run that is itself not
-    /// above f0 has no ramp at all.
+    /// Plans a segment of this many pulses between a start and a stop frequency, at most at the run
+    /// frequency, all in Hz. The run frequency is limited to the table's highest. Start and stop
+    /// frequencies below f0 count as f0, from which a motor starts without a ramp; a run frequency
+    /// not above f0 has no ramp at all.
     pub fn new(table: &FrequencyTable, pulses: f64, start_hz: f64, stop_hz: f64, run_hz: f64) -> Self {
         let run_hz = if run_hz < table.top_hz() { run_hz } else { table.top_hz() };
         let constant = |case, hz: f64| Self {
@@ -73,7 +73,7 @@ impl Plan {
             };
             return Self { case, acceleration, cruise, deceleration, start, stop, run_hz };
         }
-        // M; with one of the ramps missing, the other does not fit either.
+        // M; if one of the ramps is missing, the other does not fit either.
         let difference = stop - start;
         let magnitude = if difference < 0.0 { -difference } else { difference };
         if magnitude > pulses {
@@ -86,7 +86,7 @@ impl Plan {
         Self { case: PlanCase::NoCruise, acceleration, cruise: 0.0, deceleration, start, stop, run_hz }
     }
 
-    /// Duration, s.
+    /// Duration of the segment, s.
     pub fn duration_s(&self, table: &FrequencyTable) -> f64 {
         let top = self.start + self.acceleration;
         let ramp = |pulses: f64, from: f64| {

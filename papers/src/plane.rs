@@ -1,10 +1,10 @@
-//! Straight lines of a plane by pulses: the three methods of the CoreXY paper.
+//! Straight lines in a plane by pulses: the three methods of the CoreXY paper.
 //!
 //! The paper ("CoreXY plane control for FDM printers", Hebei University of Technology) takes them
-//! from machine tools. [`PointByPoint`] and [`MinimumDeviation`] decide pulse by pulse between
-//! directions that a pulse can have; [`DualRate`] is the paper's own, a pulse period for each
-//! motor. [`CoreXyLine`] has what the two motors of a CoreXY machine do under any of them,
-//! [`LineFigures`] how far from the line that leads.
+//! from machine tools. [`PointByPoint`] and [`MinimumDeviation`] decide pulse by pulse between the
+//! possible directions of a pulse; [`DualRate`] is the paper's own, with a pulse period for each
+//! motor. [`CoreXyLine`] gives the steps of a CoreXY machine's two motors under each method,
+//! [`LineFigures`] the resulting distance from the line.
 
 mod core_xy;
 mod dual_rate;

@@ -1,4 +1,4 @@
-//! The motors' steps in the plane, one event after the other, by any of the methods.
+//! Motor steps in the plane, event by event, for any of the methods.
 
 use ferrostep_planner::bresenham::MAX_STEPS;
 use ferrostep_planner::methods::DueEvent;
@@ -11,18 +11,18 @@ use crate::laws::PaperPieces;
 use crate::method::Method;
 use crate::plane::{CoreXyTarget, FeedSteps, MinimumDeviation, MotorPulse, PointByPoint};
 
-/// Step times under any law that this crate has.
+/// Step times under any law of this crate.
 pub(crate) type Times = StepTimes<PaperPieces>;
 
-/// Any of these laws along a block.
+/// Any law of this crate along a block.
 pub(crate) type Law = TimeLaw<PaperPieces>;
 
-/// Motors that step in an event.
+/// Rule that selects the motors that step in an event.
 #[derive(Clone, Copy, Debug)]
 enum Rule {
     /// The same motors in every event.
     Always(MotorPulse),
-    /// The first, and with some of its steps the others (Wu 2024, eq. 3).
+    /// The first motors in every event, the others with some of the steps (Wu 2024, eq. 3).
     Bresenham {
         master: u8,
         followers: [Follower; 2],
@@ -30,41 +30,41 @@ enum Rule {
     },
     PointByPoint(PointByPoint),
     MinimumDeviation(MinimumDeviation),
-    /// Less than a pulse.
+    /// Less than one pulse.
     Nothing,
 }
 
-/// The steps of some motors, at equal distances along the block.
+/// Steps of some motors, at equal distances along the block.
 ///
 /// N pulses divide the path into N parts, and pulse k is due in the middle of its part, at (k -
-/// 1/2) S/N. The paper does not say where: at the end, as a pulse of a constant period, it would be
-/// late by up to a whole pulse and always late. In the middle it is half a pulse either way, the
-/// rule of the default's master, and no pulse is due at the very end of a block, where at
-/// standstill the time of a hair of path is long. A diagonal pulse of a CoreXY machine is two steps
-/// of one motor: each is in the middle of its half.
+/// 1/2) S/N. The paper does not give the position: at the end, as for a pulse of a constant period,
+/// a pulse would be late by up to a whole pulse and never early. In the middle it is off by at most
+/// half a pulse either way, the rule of the default's master, and no pulse is due at the very end
+/// of a block, where near standstill even a tiny path takes long. A diagonal pulse of a CoreXY
+/// machine is two steps of one motor: each is in the middle of its half.
 ///
-/// When the middle of the next part is, or of the next half where pulses have halves, the
-/// caller's [`Times`] say.
+/// The caller's [`Times`] give the time of the middle of the next part, or of the next half if
+/// pulses have halves.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pulses {
     rule: Rule,
     feeds: FeedSteps,
-    /// Each pulse has two halves, which may be an event each.
+    /// True if each pulse has two halves, which may be an event each.
     has_halves: bool,
-    /// The second half of a diagonal.
+    /// Second half of a diagonal.
     second: Option<MotorPulse>,
-    /// A step after the last pulse.
+    /// Step after the last pulse.
     rest: Option<MotorPulse>,
     /// The next event; `None` after the last.
     next: Option<DueEvent>,
 }
 
 impl Pulses {
-    /// No motor ever steps.
+    /// No steps at all.
     pub const NONE: Self =
         Self { rule: Rule::Nothing, feeds: FeedSteps::NONE, has_halves: false, second: None, rest: None, next: None };
 
-    /// Starts the steps of one motor by itself.
+    /// Starts the steps of a single motor.
     pub fn start_alone(&mut self, times: &mut Times, law: &Law, stretch: &Stretch, bit: u8, steps: i32) {
         let count = steps.unsigned_abs().min(MAX_STEPS);
         let backwards = if steps < 0 { bit } else { 0 };
@@ -72,7 +72,8 @@ impl Pulses {
         self.begin(times, law, stretch, count, false, None);
     }
 
-    /// Starts classic Bresenham: the motor with most steps, the others with some of its steps.
+    /// Starts classic Bresenham: the motor with the most steps, with the others joining some of its
+    /// steps.
     pub fn start_bresenham(&mut self, times: &mut Times, law: &Law, stretch: &Stretch) {
         let steps = stretch.steps;
         let [x, y, z] = steps.map(|steps| steps.unsigned_abs().min(MAX_STEPS));
@@ -115,7 +116,7 @@ impl Pulses {
         self.begin(times, law, stretch, count + u32::from(rest.is_some()), has_halves, rest);
     }
 
-    /// Begins with `parts` equal parts of the time, the first event's included.
+    /// Begins with `parts` equal parts of the time, including that of the first event.
     fn begin(
         &mut self,
         times: &mut Times,
@@ -138,7 +139,7 @@ impl Pulses {
         self.next
     }
 
-    /// Advances to the event after it.
+    /// Advances to the event after the next one.
     pub fn advance(&mut self, times: &mut Times) {
         let Some(mut time) = times.next() else {
             self.next = None;
@@ -152,7 +153,7 @@ impl Pulses {
                 if steps.twice {
                     self.second = Some(steps);
                 } else if let Some(half) = times.next().filter(|_| self.has_halves) {
-                    // The middle of both halves. Only what is after the last pulse has but one.
+                    // The middle of each half. Only a step after the last pulse has a single half.
                     time += (half - time) / 2;
                     times.take(1);
                 }
@@ -162,7 +163,7 @@ impl Pulses {
         self.next = Some(DueEvent { time, axes: steps.axes, backwards: steps.backwards });
     }
 
-    /// Steps of the next pulse, and after the last pulse the rest.
+    /// Steps of the next pulse; after the last pulse, the remaining step.
     fn next_steps(&mut self) -> MotorPulse {
         let pulse = match &mut self.rule {
             Rule::Always(steps) => return *steps,
@@ -176,7 +177,7 @@ impl Pulses {
         };
         match (pulse, self.rest) {
             (Some(pulse), _) => self.feeds.of(pulse),
-            // The number of parts is that of the pulses, and one for the rest.
+            // The number of parts is that of the pulses, plus one for the remaining step.
             (None, rest) => rest.unwrap_or(MotorPulse::NONE),
         }
     }

@@ -3,16 +3,16 @@
 use crate::plan::Plan;
 use crate::table::FrequencyTable;
 
-/// A line of the input.
+/// An input line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
     /// Number of pulses.
     pub pulses: f64,
-    /// The frequency that it asks for, Hz.
+    /// Requested frequency, Hz.
     pub run_hz: f64,
 }
 
-/// A segment whose ends are known.
+/// A segment with known frequencies at both ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segment {
     /// The line.
@@ -21,20 +21,20 @@ pub struct Segment {
     pub start_hz: f64,
     /// Frequency at its end, Hz.
     pub stop_hz: f64,
-    /// Division of its pulses.
+    /// Division of the segment's pulses.
     pub plan: Plan,
 }
 
-/// Lines read ahead.
+/// Number of lines read ahead.
 const LINES: usize = 4;
 
-/// The paper's look-ahead (Li 2017, sect. 2 and fig. 4): four lines are read ahead, which
-/// make three segments, since a segment ends at the frequency of the line after it; they wait
-/// in a circular queue.
+/// The paper's look-ahead (Li 2017, sect. 2 and fig. 4): four lines are read ahead, which make
+/// three segments, since a segment ends at the frequency of the line after it; they wait in a
+/// circular queue.
 ///
-/// The frequency between two lines is the slower of both, or what the pulses of the slower one's
-/// neighbour allow: after the last line that is known motion ends at f0, and no segment is planned
-/// that it could not be reached from. This is the paper's own look-ahead, complete and by itself;
+/// The frequency between two lines is the lower of both, or as much as the pulses of the slower
+/// line's neighbour allow: motion ends at f0 after the last known line, and no segment is planned
+/// from which that could not be reached. This is the paper's own look-ahead, complete and separate;
 /// the machine's has 128 blocks and corners ([`ferrostep_planner::look_ahead`]).
 #[derive(Clone, Copy, Debug)]
 pub struct Segments {
@@ -42,20 +42,20 @@ pub struct Segments {
     lines: [Line; LINES],
     first: usize,
     count: usize,
-    /// Frequency with which the last segment ended, Hz.
+    /// Frequency at the end of the last segment, Hz.
     before_hz: f64,
     is_over: bool,
 }
 
 impl Segments {
-    /// No line read yet; motion starts at f0.
+    /// Creates an empty queue; motion starts at f0.
     pub fn new(table: &FrequencyTable) -> Self {
         let none = Line { pulses: 0.0, run_hz: 0.0 };
         Self { table: *table, lines: [none; LINES], first: 0, count: 0, before_hz: table.start_hz(), is_over: false }
     }
 
-    /// Reads a line; `false` without room, and where it asks for nothing that can be done: pulses
-    /// and frequency are finite and above zero.
+    /// Reads a line; `false` if there is no room, or if the line is impossible: pulses and
+    /// frequency must be finite and above zero.
     pub fn read(&mut self, line: Line) -> bool {
         let is_possible = |x: f64| x > 0.0 && x.is_finite();
         if self.count == LINES || !is_possible(line.pulses) || !is_possible(line.run_hz) {
@@ -75,7 +75,7 @@ impl Segments {
         self.is_over = true;
     }
 
-    /// Lines that wait.
+    /// Number of waiting lines.
     pub fn waiting(&self) -> usize {
         self.count
     }
@@ -84,7 +84,7 @@ impl Segments {
         if index < self.count { self.lines.get((self.first + index) % LINES).copied() } else { None }
     }
 
-    /// Takes the oldest segment: as soon as four lines are read, or none will follow.
+    /// Takes the oldest segment once four lines are read, or no more will follow.
     pub fn take(&mut self) -> Option<Segment> {
         if self.count < LINES && !self.is_over {
             return None;
@@ -179,7 +179,7 @@ mod tests {
             for (segment, line) in planned.iter().zip(&lines) {
                 prop_assert_eq!(segment.line, *line);
                 prop_assert_eq!(segment.start_hz, frequency);
-                // A hair too short where both ends took all pulses there are.
+                // Slightly short if both ends took all available pulses.
                 let reach = (table().pulses_to(segment.stop_hz) - table().pulses_to(segment.start_hz)).abs();
                 prop_assert!(reach <= line.pulses + 1e-3);
                 prop_assert!(segment.stop_hz <= line.run_hz * (1.0 + 1e-9));

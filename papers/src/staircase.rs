@@ -10,22 +10,22 @@ use ferrostep_planner::{Block, PlannedBlock, Speed};
 use crate::plan::Plan;
 use crate::table::FrequencyTable;
 
-/// A block's motion in steps of the motor with most of them.
+/// Motion of a block in steps of the motor that has the most.
 ///
-/// The length of a block's path in pulses, whole or not: a block without a step has none, is slower
-/// than any start frequency, and is run at a constant speed. What has less than a pulse says
-/// nothing of the frequencies after it, so it changes no speed: beside it every speed would be
-/// below f0, and the next block begin with any.
+/// The length of the block's path in pulses, whole or fractional. A block without a step has none,
+/// is slower than any start frequency, and runs at a constant speed. A block of less than one pulse
+/// does not constrain the frequencies after it, so it changes no speed: otherwise every speed next
+/// to it would have to be below f0, and the next block could begin at any speed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BlockPulses {
-    /// BlockPulses of the block.
+    /// Number of pulses in the block.
     pub(crate) count: f64,
-    /// Hz for a unit of [`Speed`].
+    /// Frequency per unit of [`Speed`], Hz.
     per_speed: f64,
 }
 
 impl BlockPulses {
-    /// Pulses of a block.
+    /// Computes the pulses of a block.
     pub(crate) fn of(block: &Block) -> Self {
         let most_256ths = (block.master_steps().saturating_mul(256)).max(block.extruder_256ths.unsigned_abs());
         let count = f64::from(most_256ths) * (1.0 / 256.0);
@@ -33,18 +33,18 @@ impl BlockPulses {
         Self { count, per_speed: per_mm * (1.0 / 65_536.0) }
     }
 
-    /// Frequency at a speed, Hz.
+    /// Pulse frequency at a speed, Hz.
     pub(crate) fn frequency(&self, speed: Speed) -> f64 {
         f64::from(speed.0) * self.per_speed
     }
 
-    /// The largest speed not above a frequency.
+    /// Largest speed that does not exceed a frequency.
     pub(crate) fn speed(&self, frequency_hz: f64) -> Speed {
         if self.per_speed > 0.0 { Speed(Real::to_u32(frequency_hz / self.per_speed)) } else { Speed(u32::MAX) }
     }
 
-    /// The fastest speed that the block can be left with, entered at `speed`, or entered with to be
-    /// left at `speed`: F^-1(F(v) + P). Up to f0 no ramp is needed.
+    /// Fastest exit speed for an entry at `speed`, or fastest entry speed for an exit at `speed`:
+    /// F^-1(F(v) + P). Up to f0 no ramp is needed.
     pub(crate) fn reach(&self, table: &FrequencyTable, speed: Speed) -> Speed {
         if self.count < 1.0 {
             return speed;
@@ -53,7 +53,7 @@ impl BlockPulses {
         self.speed(frequency).max(speed)
     }
 
-    /// The slowest speed at least `wanted` that the block can be left with, entered at `speed`.
+    /// Slowest exit speed, at least `wanted`, for an entry at `speed`.
     pub(crate) fn slowest(&self, table: &FrequencyTable, speed: Speed, wanted: Speed) -> Speed {
         if self.count < 1.0 {
             return speed;
@@ -63,19 +63,19 @@ impl BlockPulses {
     }
 }
 
-/// The time law of a block under the table. Lengths in units of 10 nm, times in time units, from
-/// the block's start.
+/// Time law of a block under the table. Lengths in units of 10 nm, times in time units, from the
+/// block's start.
 #[derive(Clone, Copy, Debug)]
 pub struct Staircase {
     pub(crate) length: f64,
     table: FrequencyTable,
     plan: Plan,
-    /// Units of 10 nm for a pulse; of a block without pulses, all of it.
+    /// Length per pulse, units of 10 nm; the whole length of a block without pulses.
     per_pulse: f64,
-    /// Slices that the acceleration begins and ends in, and those that the deceleration does.
+    /// First and last slices of the acceleration; those of the deceleration follow.
     up: [u32; 2],
     down: [u32; 2],
-    /// F where the acceleration ends and the deceleration begins.
+    /// F at the end of the acceleration; F at the start of the deceleration follows.
     up_end: f64,
     down_start: f64,
     /// Duration of the acceleration and of the cruise, s.
@@ -85,7 +85,7 @@ pub struct Staircase {
 }
 
 impl Staircase {
-    /// The law of a planned block.
+    /// Creates the law of a planned block.
     pub(crate) fn new(planned: &PlannedBlock, table: &FrequencyTable) -> Self {
         let block = &planned.block;
         let length = f64::from(block.length_10nm.max(1));
@@ -95,7 +95,7 @@ impl Staircase {
             let [start, stop, run] = [planned.entry, planned.exit, nominal].map(|speed| pulses.frequency(speed));
             Plan::new(table, pulses.count, start, stop, run)
         } else {
-            // The whole path for one pulse.
+            // The whole path counts as one pulse.
             Plan::new(table, 1.0, 0.0, 0.0, 0.0)
         };
         let mut per_pulse = length / pulses.count;
@@ -126,7 +126,7 @@ impl Staircase {
         }
     }
 
-    /// The piece of a number; `None` after the last.
+    /// Returns the piece with this index; `None` after the last.
     fn piece(&self, index: u32) -> Option<Piece<f64>> {
         let Self { plan, table, .. } = self;
         let [up_first, up_last] = self.up;
@@ -168,7 +168,7 @@ impl Staircase {
         })
     }
 
-    /// Time at a path position inside, time units from the block's start.
+    /// Time at a path position within the block, time units from the block's start.
     #[cfg(test)]
     pub(crate) fn time(&self, position: f64) -> f64 {
         let Self { plan, table, .. } = self;
@@ -186,7 +186,7 @@ impl Staircase {
     }
 }
 
-/// The pieces of a staircase, in their order.
+/// The pieces of a staircase, in order.
 #[derive(Clone, Copy, Debug)]
 pub struct StaircasePieces {
     law: Staircase,
@@ -203,7 +203,7 @@ impl Iterator for StaircasePieces {
     }
 }
 
-/// Li's table as the machine's law: block by block, with pulses of the motor that has most.
+/// Li's table as a law for the machine: block by block, with pulses of the motor that has the most.
 impl SpeedRule for FrequencyTable {
     type Pieces = StaircasePieces;
 

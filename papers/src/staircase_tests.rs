@@ -13,15 +13,15 @@ use crate::pulses::{Law, Times};
 use crate::staircase::{BlockPulses, Staircase};
 use crate::table::FrequencyTable;
 
-/// A microsecond.
+/// Tolerance of a step time, ticks: one microsecond.
 const MAX_TICKS_OFF: f64 = 84.0;
 
 const MAX_STEPS_PER_S: f64 = 500_000.0;
 
 const UNIT: f64 = 1.0 / (1u64 << FRACTION_BITS) as f64;
 
-/// Steps of a motor, and the shares of the block's length at which the first one is and from
-/// one to the next.
+/// Random steps of a motor, with the position of the first one and the distance between steps, as
+/// shares of the block's length.
 fn random_steps(random: &mut Random, length_mm: f64, fastest: f64) -> Option<(MotorSteps, u32, [f64; 2])> {
     let most = (MAX_STEPS_PER_S / fastest * length_mm).min(200_000.0);
     if most < 1.0 {

@@ -5,16 +5,16 @@ use ferrostep_planner::SCurveTableSettings;
 use ferrostep_planner::square_root::square_root;
 
 /// Li's table (Li 2017, sect. 1.2): the S-curve from a start frequency f0 to a highest one, in
-/// slices of T = 2/f0, each at a constant frequency, and the pulses made up to each of them, F.
+/// slices of T = 2/f0, each at a constant frequency, and F, the pulses made before each of them.
 ///
-/// A slice has the frequency of its middle. The paper takes its start, and then the sum misses
-/// the 3300 pulses of the ramp in its experiment by 9; from the middles it is within one
-/// pulse, the rule of midpoints being exact where the frequency changes linearly. The last
-/// slice ends with the ramp.
+/// A slice has the frequency at its middle. The paper uses the frequency at its start, and then the
+/// sum misses the 3300 pulses of the ramp in its experiment by 9; with the middles it is within one
+/// pulse, since the midpoint rule is exact where the frequency changes linearly. The last slice
+/// ends with the ramp.
 ///
-/// The paper keeps the table in memory that it asks for at run time. Frequencies are a square and
-/// their sums a cubic of the slice's number, so this table is computed as it is read: it takes no
-/// memory, whatever T is.
+/// The paper keeps the table in memory allocated at run time. Frequencies are quadratic and their
+/// sums cubic in the slice's number, so this table is computed when it is read: it takes no memory,
+/// whatever T is.
 ///
 /// Deceleration is acceleration reversed and reads the same table.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,10 +24,10 @@ pub struct FrequencyTable {
     jerk_hz_per_s2: f64,
     /// T, s.
     slice_s: f64,
-    /// t1, where the acceleration is greatest, s.
+    /// t1, the time of the greatest acceleration, s.
     half_time_s: f64,
     slices: u32,
-    /// Slices whose middle is not after t1.
+    /// Number of slices whose middle is not after t1.
     early: u32,
 }
 
@@ -40,15 +40,15 @@ pub struct Slice {
     pub duration_s: f64,
     /// Frequency, Hz.
     pub frequency_hz: f64,
-    /// Pulses before it, F.
+    /// F, the number of pulses before the slice.
     pub pulses_before: f64,
 }
 
 impl FrequencyTable {
-    /// The table from `start_hz` to `top_hz` at a jerk in Hz/s^2.
+    /// Creates the table from `start_hz` to `top_hz` at a jerk in Hz/s^2.
     ///
     /// # Errors
-    /// [`CurveError`] where a number is out of range, the frequencies do not rise, or T is so short
+    /// [`CurveError`] if a number is out of range, the frequencies do not rise, or T is so short
     /// that there would be more than 65,536 slices.
     pub fn new(start_hz: f64, top_hz: f64, jerk_hz_per_s2: f64) -> Result<Self, CurveError> {
         if !is_in_range(start_hz) {
@@ -67,7 +67,7 @@ impl FrequencyTable {
         if slices.is_nan() || slices > f64::from(SCurveTableSettings::MAX_SLICES) {
             return Err(CurveError::TooManySlices);
         }
-        // No slice for what rounding leaves of the last.
+        // No slice for a remainder that is only rounding.
         let slices = ((slices + (1.0 - 1e-9)) as u32).max(1);
         let early = ((half_time_s / slice_s + 0.5) as u32).min(slices - 1);
         Ok(Self { start_hz, top_hz, jerk_hz_per_s2, slice_s, half_time_s, slices, early })
@@ -78,7 +78,7 @@ impl FrequencyTable {
         self.start_hz
     }
 
-    /// The highest frequency, Hz.
+    /// Highest frequency, Hz.
     pub fn top_hz(&self) -> f64 {
         self.top_hz
     }
@@ -98,12 +98,12 @@ impl FrequencyTable {
         self.slices as usize
     }
 
-    /// True if it has no slice; it always has one.
+    /// Returns true if there is no slice; the table always has one.
     pub fn is_empty(&self) -> bool {
         self.slices == 0
     }
 
-    /// A slice, from 0; `None` after the last.
+    /// Returns a slice, numbered from 0; `None` after the last.
     pub fn slice(&self, index: u32) -> Option<Slice> {
         (index < self.slices).then(|| self.at(index))
     }
@@ -113,12 +113,12 @@ impl FrequencyTable {
         (0..self.slices).map(|index| self.at(index))
     }
 
-    /// Pulses of the whole ramp.
+    /// Number of pulses in the whole ramp.
     pub fn pulses(&self) -> f64 {
         self.pulses_before(self.slices)
     }
 
-    /// The S-curve itself (Li 2017, eq. 3) at a time of the ramp.
+    /// Frequency of the S-curve itself (Li 2017, eq. 3) at a time of the ramp.
     pub fn frequency_at(&self, time_s: f64) -> f64 {
         let rest_s = 2.0 * self.half_time_s - time_s;
         if time_s <= 0.0 {
@@ -148,7 +148,7 @@ impl FrequencyTable {
         }
     }
 
-    /// F of a frequency: the pulses made when the S-curve has it, 0 at f0 and below.
+    /// F of a frequency: the number of pulses made when the S-curve reaches it, 0 at f0 and below.
     pub fn pulses_to(&self, frequency_hz: f64) -> f64 {
         let time_s = self.time_of(frequency_hz);
         let index = ((time_s / self.slice_s) as u32).min(self.slices - 1);
@@ -156,12 +156,12 @@ impl FrequencyTable {
         slice.pulses_before + slice.frequency_hz * (time_s - slice.start_s)
     }
 
-    /// The inverse of F: the frequency that the S-curve has after this many pulses.
+    /// Frequency of the S-curve after this many pulses, the inverse of F.
     pub fn frequency_after(&self, pulses: f64) -> f64 {
         self.frequency_at(self.time_after(pulses))
     }
 
-    /// Time at which this many pulses are made.
+    /// Time at which this many pulses have been made.
     pub fn time_after(&self, pulses: f64) -> f64 {
         if pulses <= 0.0 {
             return 0.0;
@@ -171,7 +171,7 @@ impl FrequencyTable {
         slice.start_s + if inside_s < slice.duration_s { inside_s } else { slice.duration_s }
     }
 
-    /// The slice in which a pulse is made.
+    /// Index of the slice in which a pulse is made.
     pub(crate) fn slice_of(&self, pulses: f64) -> u32 {
         let (mut low, mut high) = (0, self.slices);
         while high - low > 1 {
@@ -181,7 +181,7 @@ impl FrequencyTable {
         low
     }
 
-    /// A slice; `index` is one of them.
+    /// Returns a slice; `index` must be in range.
     pub(crate) fn at(&self, index: u32) -> Slice {
         let start_s = f64::from(index) * self.slice_s;
         let rest_s = 2.0 * self.half_time_s - start_s;
@@ -204,7 +204,7 @@ impl FrequencyTable {
         let early = index.min(self.early);
         let n = f64::from(early);
         let mut pulses = n * self.start_hz * self.slice_s + half_cube * (n * n * n * (1.0 / 3.0) - n * (1.0 / 12.0));
-        // The last slice is perhaps shorter.
+        // The last slice may be shorter.
         let late = index.min(self.slices - 1);
         if late > early {
             let sum = |x: f64| x * (x * (x * (1.0 / 3.0) + 0.5) + 1.0 / 6.0);
@@ -239,7 +239,7 @@ mod tests {
         assert_eq!(table.len(), 300);
         // (f0 + f_max) t1.
         assert!((table.pulses() - 3_300.0).abs() < 1.0, "{}", table.pulses());
-        // Frequencies at the slices' starts, as in the paper.
+        // Frequencies at the starts of the slices, as in the paper.
         let at_starts: f64 = table.iter().map(|slice| table.frequency_at(slice.start_s) * slice.duration_s).sum();
         assert!((at_starts - 3_291.0).abs() < 0.5, "{at_starts}");
         assert!((100_000.0 * table.half_time_s() - 30_000.0).abs() < 1e-6);

@@ -1,6 +1,6 @@
-//! The papers' tables and figures, made anew: what `ferrostep papers` prints.
+//! Reproductions of the papers' tables and figures, as printed by `ferrostep papers`.
 //!
-//! A chapter is data; text, JSON and pictures are made of it in one place for all papers.
+//! A chapter is data; text, JSON and pictures are made from it in one place for all papers.
 
 pub mod corexy;
 pub mod li;
@@ -58,7 +58,8 @@ impl Chapter {
         text::of(self)
     }
 
-    /// Draws its figures into a folder, which is made if it is missing. Returns the files' paths.
+    /// Draws the chapter's figures into a folder, which is created if it is missing. Returns the
+    /// paths of the files.
     ///
     /// # Errors
     /// The folder or a file cannot be written.

@@ -1,13 +1,13 @@
-//! The wide encoding of prepared jobs: the packets of Yu 2019, 84 bytes a block and 12
-//! bytes a command.
+//! The wide encoding of prepared jobs: the packets of Yu 2019, 84 bytes per block and 12 bytes per
+//! command.
 //!
-//! The desk and the bench image read and write it; a printer's image refuses it
-//! ([`ferrostep_gpre::Fault::Wide`]). It reaches planner and printer by their seams for motion made
-//! elsewhere: [`ferrostep_planner::Request`] with [`ferrostep_planner::Planner::add_given_block`],
-//! and [`ferrostep_printer::OtherMotion`].
+//! The desktop tool and the bench image read and write it; a printer's image refuses it
+//! ([`ferrostep_gpre::Fault::Wide`]). It reaches planner and printer through their interfaces for
+//! motion made elsewhere: [`ferrostep_planner::Request`] with
+//! [`ferrostep_planner::Planner::add_given_block`], and [`ferrostep_printer::OtherMotion`].
 //!
-//! Packets come without positions. Their limits and corners are checked as far as motor
-//! steps tell them.
+//! Packets carry no positions. Their limits and corners are checked as far as motor steps reveal
+//! them.
 
 mod block;
 mod packet;

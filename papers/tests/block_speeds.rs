@@ -1,4 +1,4 @@
-//! Speeds of random blocks under the papers' laws: what a block changes of them is within its law.
+//! Speeds of random blocks under the papers' laws: each block changes its speed within its law.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
@@ -12,7 +12,7 @@ use ferrostep_planner::methods::SpeedRule;
 use ferrostep_planner::{Acceleration, Block, Pace, PlannedBlock, Speed};
 use ferrostep_random_cases::{Random, SlicerBlock, SlicerBlocks};
 
-/// A drawn block for the ring, and the most that the corner before it allows.
+/// Converts a drawn block to one for the ring, with the maximum speed of the corner before it.
 fn of_slicer(drawn: &SlicerBlock) -> (Block, Speed) {
     let block = Block {
         steps: drawn.steps,
@@ -27,8 +27,8 @@ fn of_slicer(drawn: &SlicerBlock) -> (Block, Speed) {
     (block, Speed::from_mm_per_s(drawn.corner_mm_per_s))
 }
 
-/// Sends random blocks through look-ahead; every one that leaves, which begins as fast as the one
-/// before ended, is checked.
+/// Sends random blocks through look-ahead, and checks every one that leaves: it begins as fast as
+/// the one before ended.
 fn check_blocks<R: SpeedRule>(random: &mut Random, rule: R, pace: Pace, mut check: impl FnMut(&PlannedBlock)) {
     let mut ring = BlockQueue::new(vec![Slot::EMPTY; 2 + random.bits() as usize % 40]);
     ring.look_ahead(&SpeedLaw::Other(rule));
@@ -56,7 +56,7 @@ fn check_blocks<R: SpeedRule>(random: &mut Random, rule: R, pace: Pace, mut chec
     assert_eq!(speed, Speed::ZERO);
 }
 
-/// Speeds join under a table, and a block changes them only in its pulses.
+/// Speeds join under a table, and a block changes them only through its pulses.
 #[test]
 fn blocks_under_a_table_never_jump() {
     let mut random = Random(300);
@@ -77,7 +77,7 @@ fn blocks_under_a_table_never_jump() {
     }
 }
 
-/// Li's ramps fit their blocks, also where corners become faster later, and where the pace changes.
+/// Li's ramps fit their blocks, even if corners become faster later, or the pace changes.
 #[test]
 fn ramps_of_five_segments_fit_their_blocks() {
     let (mut tried, mut ramps) = (0u32, 0u32);

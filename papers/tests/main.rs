@@ -1,4 +1,4 @@
-//! The papers' methods from outside, as one program: each takes long to link.
+//! Outside tests of the papers' methods, as one program: each would take long to link.
 
 mod block_speeds;
 mod motion;

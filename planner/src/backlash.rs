@@ -1,9 +1,9 @@
-//! The play of a drive is taken up where its motor turns.
+//! Backlash compensation: the play of a drive is taken up where its motor reverses.
 //!
 //! A nut, a gear or a belt leaves its axis some play: after a reversal the motor turns by that much
-//! before the axis follows. The steps that make up for it join the motor's own on their way to the
-//! step queue ([`BacklashStage`]), after the ones that follow the bed: no block is split,
-//! look-ahead plans as ever, and every step of the plan comes when it would without them.
+//! before the axis follows. The compensating steps join the motor's own on their way to the step
+//! queue ([`BacklashStage`]), after the ones that follow the bed: no block is split, look-ahead
+//! plans as before, and every step of the plan keeps its time.
 
 mod changes;
 mod stage;
@@ -17,16 +17,16 @@ use crate::limits::Limits;
 use crate::passing::PassedEntries;
 use crate::step_queue::{Notice, StepEntry};
 
-/// The play of the drives of X, Y and Z, and how it is taken up: Marlin's M425.
+/// The play of the drives of X, Y and Z, and the way it is taken up: Marlin's M425.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Backlash {
-    /// Play of each axis, mm, 0 to [`Self::MAX_MM`]: how far its motor turns after a reversal
-    /// before the axis follows.
+    /// Play of each axis, mm, 0 to [`Self::MAX_MM`]: the distance that its motor turns after a
+    /// reversal before the axis follows.
     pub play_mm: [f64; 3],
     /// Share of the play that is taken up, 0 to 1.
     pub correction: f64,
-    /// The way on which that happens, mm, those of X, Y and Z added, 0 to
-    /// [`Self::MAX_SMOOTHING_MM`]; with 0 it is the shortest one.
+    /// Path on which play is taken up, mm, the sum over X, Y and Z, 0 to
+    /// [`Self::MAX_SMOOTHING_MM`]; 0 means the shortest possible path.
     pub smoothing_mm: f64,
 }
 
@@ -37,23 +37,23 @@ impl Backlash {
     /// The largest play of an axis, mm. A machine with more needs repair.
     pub const MAX_MM: f64 = 2.0;
 
-    /// The longest way, mm.
+    /// The longest smoothing path, mm.
     pub const MAX_SMOOTHING_MM: f64 = 100.0;
 
-    /// Distance over which play is taken up by default, mm. A motor with 0.1 mm of play moves a
-    /// tenth faster on it.
+    /// Default path on which play is taken up, mm. A motor with 0.1 mm of play moves a tenth faster
+    /// on it.
     pub const SMOOTHING_MM: f64 = 1.0;
 
-    /// The first axis with play whose motor moves another axis as well, on a machine with
-    /// these kinematics: that motor also turns when the other axis reverses, which does not
-    /// concern its play.
+    /// First axis with play whose motor also moves another axis, on a machine with these
+    /// kinematics: that motor also turns when the other axis reverses, which does not concern its
+    /// play.
     pub fn shared_axis(&self, kinematics: Kinematics) -> Option<usize> {
         (0..3).zip(self.play_mm).find(|(axis, mm)| *mm > 0.0 && kinematics.shares_motors(*axis)).map(|(axis, _)| axis)
     }
 }
 
-/// Takes up the play between the planner and the step queue: [`BacklashStage`], or [`NoBacklash`]
-/// in an image of a machine without play.
+/// Backlash compensation between the planner and the step queue: [`BacklashStage`], or
+/// [`NoBacklash`] in an image for a machine without play.
 pub trait BacklashCorrection: Debug {
     /// True if the image contains the compensation.
     const PRESENT: bool;
@@ -67,18 +67,19 @@ pub trait BacklashCorrection: Debug {
     /// Sets the play, at standstill, after a call of [`Self::stand`].
     fn set(&mut self, backlash: &Backlash);
 
-    /// Sets the limits of the machine: a motor takes up play at a part of its axis' largest speed.
+    /// Sets the limits of the machine: a motor takes up play at a fraction of its axis' largest
+    /// speed.
     fn set_limits(&mut self, _limits: &Limits) {}
 
-    /// Takes note that the motors rest, nothing waits, and `issued` steps of each were made:
-    /// later entries that were handed on did not happen. Returns how many steps of each motor
-    /// are for its play.
+    /// Notes that the motors rest, nothing waits, and `issued` steps of each were made: later
+    /// entries that were handed on did not happen. Returns the number of compensating steps in each
+    /// motor's position.
     fn stand(&mut self, issued: [u64; 4], directions: u8) -> [i64; 3];
 
-    /// Takes note that the motors' positions are counted anew, without those steps.
+    /// Notes that the motors' positions are counted anew, without the compensating steps.
     fn redefined(&mut self) {}
 
-    /// Takes entries; `false`: they may pass as they are.
+    /// Takes entries; `false` if they may pass unchanged.
     fn take(&mut self, entries: &[StepEntry]) -> bool;
 
     /// Takes a notice that follows the entries; returns `false` if the notice may pass.
@@ -92,7 +93,7 @@ pub trait BacklashCorrection: Debug {
     fn work(&mut self, seeks: bool, out: &mut PassedEntries) -> Option<Notice>;
 }
 
-/// No play, and no memory for any.
+/// Placeholder for no play, without memory.
 #[derive(Clone, Copy, Debug)]
 pub struct NoBacklash;
 

@@ -15,7 +15,7 @@ impl Speed {
     /// Standstill.
     pub const ZERO: Self = Self(0);
 
-    /// The largest representable speed not above `mm_per_s`; zero for NaN and below zero.
+    /// Largest representable speed not above `mm_per_s`; zero for NaN and negative values.
     pub fn from_mm_per_s(mm_per_s: f64) -> Self {
         Self((mm_per_s * 65_536.0) as u32)
     }
@@ -25,15 +25,15 @@ impl Speed {
         f64::from(self.0) / 65_536.0
     }
 
-    /// Ticks for a length in units of 10 nm at this speed, to single precision; as many as
-    /// fit for standstill.
+    /// Ticks for a length in units of 10 nm at this speed, to single precision; the maximum for
+    /// standstill.
     pub fn ticks_for(self, length_10nm: u32) -> u64 {
         // Units of 10 nm in a tick at one unit of speed.
         const PER_10NM: f32 = (65_536 * (TICKS_PER_SECOND as i64 / UNITS_PER_MM)) as f32;
         (length_10nm as f32 * PER_10NM / self.0 as f32) as u64
     }
 
-    /// The nearest single-precision number of mm/s: the unit is a power of two.
+    /// Nearest single-precision value, mm/s: the unit is a power of two.
     pub fn mm_per_s_f32(self) -> f32 {
         self.0 as f32 / 65_536.0
     }
@@ -72,8 +72,8 @@ impl SquaredSpeed {
         self.0
     }
 
-    /// The largest squared speed that can be reached from this one over a block, or the largest
-    /// from which this one can be reached: v^2 + 2 a S (Yu 2019).
+    /// Largest squared speed that can be reached from this one over a block, or from which this one
+    /// can be reached: v^2 + 2 a S (Yu 2019).
     pub fn changed_over(self, block: &Block) -> Self {
         self.changed_by(block.reach())
     }
@@ -84,7 +84,7 @@ impl SquaredSpeed {
         Self(self.0.saturating_add(reach))
     }
 
-    /// The smallest squared speed that can be reached from this one over a block.
+    /// Smallest squared speed that can be reached from this one over a block.
     pub fn slowed_over(self, block: &Block) -> Self {
         self.slowed_by(block.reach())
     }
@@ -95,7 +95,7 @@ impl SquaredSpeed {
         Self(self.0.saturating_sub(reach))
     }
 
-    /// The largest speed whose square is not above this.
+    /// Largest speed whose square is not above this.
     pub fn root(self) -> Speed {
         // 2^32 / 12,800,000: from these units to squared units of Speed.
         const SCALE: f32 = 1_048_576.0 / 3_125.0;
@@ -103,10 +103,10 @@ impl SquaredSpeed {
         if self >= Self::from(FASTEST) {
             return FASTEST;
         }
-        // The single-precision root is off by a few units, the more the faster: 2 at 256
-        // mm/s, 12 at 2 m/s.
+        // The single-precision root is off by a few units, more at higher speeds: 2 at 256 mm/s, 12
+        // at 2 m/s.
         let mut speed = square_root_f32(crate::u64_to_f32::of_u64(self.0) * SCALE) as u32;
-        // Remainder, in 2^-20 units: so much smaller than 2^63 that the terms may wrap.
+        // Remainder, in 2^-20 units: so far below 2^63 that the terms may wrap.
         let square = u64::from(speed) * u64::from(speed);
         let mut rest = (self.0 << 20).wrapping_sub(square.wrapping_mul(3_125)).cast_signed();
         // Difference between the squares of a speed and of the next one.
@@ -124,8 +124,7 @@ impl SquaredSpeed {
 }
 
 impl From<Speed> for SquaredSpeed {
-    /// The square, the next whole number of units not below it, so that only
-    /// standstill becomes zero.
+    /// The square, rounded up to whole units, so that only standstill becomes zero.
     fn from(speed: Speed) -> Self {
         // 12,800,000 / 2^32 = 3,125 / 2^20, in two parts so that 64 bits are enough.
         let square = u64::from(speed.0) * u64::from(speed.0);
@@ -181,8 +180,8 @@ pub struct Block {
     pub steps: [i32; 3],
     /// Signed travel of the extruder in 1/256 steps.
     pub extruder_256ths: i32,
-    /// Path length in units of 10 nm, at least 1: that of X, Y and Z, of the filament if it moves
-    /// alone. A move can be too short for a step and still take its time.
+    /// Path length in units of 10 nm, at least 1: that of X, Y and Z, or of the filament if it
+    /// moves alone. A move can be too short for a step and still take its time.
     pub length_10nm: u32,
     /// Largest speed along the path.
     pub nominal: Speed,
@@ -192,7 +191,7 @@ pub struct Block {
     pub line: u32,
     /// True if the line's move ends with this block (an arc has many).
     pub ends_move: bool,
-    /// Moves that end inside, where several were merged.
+    /// Moves that end inside the block, if several were merged.
     pub inner_ends: InnerEnds,
 }
 
@@ -209,8 +208,8 @@ impl Block {
         inner_ends: InnerEnds::NONE,
     };
 
-    /// Becomes the other block. The ends inside are copied only if there are any: they are most of
-    /// a block, and few have them.
+    /// Copies the other block. Its inner ends are copied only if there are any: they are most of a
+    /// block, and few blocks have them.
     #[inline(always)]
     pub(crate) fn become_block(&mut self, other: &Self) {
         let Self { steps, extruder_256ths, length_10nm, nominal, acceleration, line, ends_move, inner_ends } = self;
@@ -238,20 +237,20 @@ impl Block {
         u64::from(self.acceleration.0) * u64::from(self.length_10nm)
     }
 
-    /// Step events: those of the motor with most steps; the others step with it.
+    /// Number of step events: those of the motor with most steps; the others step with it.
     pub fn master_steps(&self) -> u32 {
         self.steps.iter().fold(0, |most, steps| steps.unsigned_abs().max(most))
     }
 }
 
-/// A block whose end speeds are settled.
+/// A block whose end speeds are final.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlannedBlock {
     /// The move.
     pub block: Block,
-    /// Speed at its start.
+    /// Speed at the block's start.
     pub entry: Speed,
-    /// Speed at its end.
+    /// Speed at the block's end.
     pub exit: Speed,
 }
 
@@ -271,8 +270,8 @@ mod tests {
             let squared = SquaredSpeed::from(Speed(speed));
             prop_assert_eq!(squared.0, units(u64::from(speed)));
             let root = squared.root();
-            // Below 0.003 mm/s several speeds have one square, and the root is always
-            // the same of them.
+            // Below 0.003 mm/s several speeds have the same square; the root is always the same one
+            // of them.
             prop_assert!(root.0 >= speed && units(u64::from(root.0)) == squared.0);
             prop_assert!(root.0 == speed || speed < 200);
         }

@@ -1,5 +1,4 @@
-//! Blocks on their way from planning to interpolation: they wait in a ring until their
-//! speeds are settled.
+//! Blocks between planning and interpolation: they wait in a ring until their speeds are final.
 
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
 use crate::given_speeds::GivenSpeeds;
@@ -16,42 +15,41 @@ enum Speeds<R> {
     Given(GivenSpeeds),
 }
 
-/// The first fault of a prepared job. Until the motors' place is known again, no more of
-/// the job is taken.
+/// The first fault of a prepared job. Until the motors' position is known again, no more of the job
+/// is accepted.
 #[derive(Clone, Copy, Debug)]
 struct JobFault {
     fault: PlanFault,
     is_reported: bool,
 }
 
-/// The look-ahead ring, with what gives its blocks their speeds.
+/// The look-ahead ring, and the source of its blocks' speeds.
 ///
-/// The plan depends on the order of the blocks only, not on when they come.
+/// The plan depends only on the order of the blocks, not on the time of their arrival.
 #[derive(Debug)]
 pub struct BlockQueue<S, R = Never> {
     ring: Ring<S>,
     speeds: Speeds<R>,
     fault: Option<JobFault>,
-    /// Blocks that get their speeds the other way wait until the ring is empty.
+    /// Blocks with the other source of speeds wait until the ring is empty.
     pub(crate) is_switching: bool,
 }
 
 impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
-    /// A queue with look-ahead under trapezoids in the given memory; it needs at least two
-    /// places to be of use.
+    /// A queue with look-ahead under trapezoids in the given memory; at least two places are needed
+    /// for it to be useful.
     pub fn new(slots: S) -> Self {
         let speeds = Speeds::LookAhead(LookAhead::new(&SpeedLaw::Trapezoid));
         Self { ring: Ring::new(slots), speeds, fault: None, is_switching: false }
     }
 
-    /// Lets look-ahead plan the speeds of the blocks to come, under this law; the
-    /// ring must be empty.
+    /// Makes look-ahead plan the speeds of later blocks, under this law; the ring must be empty.
     pub fn look_ahead(&mut self, law: &SpeedLaw<R>) {
         self.speeds = Speeds::LookAhead(LookAhead::new(law));
         self.ring.clear();
     }
 
-    /// Takes blocks with given speeds from now on; the ring must be empty.
+    /// Makes the queue accept blocks with given speeds from now on; the ring must be empty.
     pub fn take_given_speeds(&mut self) {
         self.speeds = Speeds::Given(GivenSpeeds::default());
     }
@@ -76,7 +74,7 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         self.ring.len()
     }
 
-    /// Nominal speed of the block that left last, before the pace was taken off.
+    /// Nominal speed of the block that left last, before the pace was applied.
     pub fn last_nominal(&self) -> Speed {
         self.ring.last_nominal
     }
@@ -100,7 +98,7 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         }
     }
 
-    /// Duration of the blocks in the final places, ticks.
+    /// Duration of the blocks in final places, ticks.
     pub fn final_ticks(&mut self) -> u64 {
         self.ring.final_ticks(|waiting, exit| {
             let (entry, exit) = (waiting.entry.root(), exit.root());
@@ -114,14 +112,13 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         self.ring.first_not_final().map(|waiting| &waiting.block)
     }
 
-    /// Releases the final places although the ring is not full. That changes no speed,
-    /// whenever it is done.
+    /// Releases the final places although the ring is not full. This never changes a speed.
     pub fn release_final(&mut self) {
         self.ring.release_final();
     }
 
     /// Adds a block; `false` without room. A block whose given speed cannot be followed is dropped,
-    /// the blocks before it end in standstill, and [`Self::report_fault`] says why.
+    /// the blocks before it end at standstill, and [`Self::report_fault`] gives the reason.
     #[inline(always)]
     pub fn push(&mut self, block: &Block, start: &BlockStart) -> bool {
         if !self.has_room() {
@@ -165,7 +162,7 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         self.ring.release();
     }
 
-    /// Forgets all that waits, and a job's fault; the next block starts from standstill.
+    /// Discards all waiting blocks, and a job's fault; the next block starts from standstill.
     pub fn clear(&mut self) {
         let Self { ring, speeds, fault, is_switching } = self;
         ring.clear();
@@ -177,13 +174,13 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         *is_switching = false;
     }
 
-    /// Notes a fault of a prepared job that is reported at once. The caller flushes: a block may
-    /// still have to enter the ring.
+    /// Notes a fault of a prepared job that is reported at once. The caller flushes: a held block
+    /// may still have to enter the ring.
     pub fn note_reported_fault(&mut self, fault: PlanFault) {
         self.fault = Some(JobFault { fault, is_reported: true });
     }
 
-    /// The fault of the prepared job, which counts as reported from now on.
+    /// Returns the prepared job's fault, which counts as reported from now on.
     #[inline(always)]
     pub fn report_fault(&mut self) -> Option<PlanFault> {
         let JobFault { fault, is_reported } = self.fault.as_mut()?;

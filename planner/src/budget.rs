@@ -8,31 +8,31 @@ use crate::time_units::TICKS_PER_SECOND;
 
 /// Cost of moves and step events, in ticks of the time granted to motion.
 ///
-/// Every move has its cost, also where several became one block: a line is read and planned before
-/// it is known to continue the one before.
+/// Every move has its cost, even if several became one block: a line is read and planned before it
+/// is known to continue the previous one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Budget {
     event_ticks: f32,
     move_ticks: f32,
-    /// Ticks that a piece of the plan takes out of the time that filters see; 0 without filters.
+    /// Ticks that a piece of the plan takes from the time that filters cover; 0 without filters.
     piece_ticks: f32,
-    /// Pieces that a block has besides those of its moves: its ramps.
+    /// Pieces of a block besides those of its moves: its ramps.
     ramp_pieces: u32,
-    /// Pieces for each of its moves.
+    /// Pieces of each of its moves.
     move_pieces: u32,
-    /// The most that the events cost of the moves which may still join a block.
+    /// Maximum event cost of the moves that may still join a block.
     growth_ticks: f32,
 }
 
 impl Budget {
-    /// The budget of a machine.
+    /// Budget of a machine.
     pub fn new(geometry: &Geometry) -> Self {
         let (event_ticks, move_ticks) = (geometry.event_cost_ticks as f32, geometry.move_cost_ticks as f32);
         let [x, y, z, _] = geometry.steps_per_mm;
         // If two motors move an axis, each makes up to sqrt(2) times the steps of the path.
         let most_steps =
             (x.to_f64() + y.to_f64() + z.to_f64()) as f32 * (2.0 * MAX_LENGTH_10NM as f32 / UNITS_PER_MM as f32);
-        // The extruder adds as many steps as a move may have in a shared block, one begun, and one
+        // Each move in a shared block adds up to its maximum of extruder steps, one begun, and one
         // because events are rounded up.
         let events = most_steps + MAX_INNER_ENDS as f32 * (MAX_EXTRUDER_256THS as f32 / 256.0 + 2.0);
         Self {
@@ -45,12 +45,12 @@ impl Budget {
         }
     }
 
-    /// Filters of this length, ticks, see no more pieces of the plan than their ring holds.
-    /// `has_knee`: where the filament passes a speed, the extruder's advance has another slope, and
-    /// the plan another piece.
+    /// Limits speeds so that filters of this length, ticks, cover no more pieces of the plan than
+    /// their ring holds. `has_knee`: where the filament passes a speed, the extruder's advance has
+    /// another slope, and the plan another piece.
     pub fn hold_pieces(&mut self, length_ticks: u32, is_s_curve: bool, has_knee: bool) {
         // A block under an S-curve may have all ramps of a run. A knee may be passed once in each
-        // move, and in the one with the highest speed twice.
+        // move, and twice in the one with the highest speed.
         self.ramp_pieces = if is_s_curve { 6 } else { 2 } + u32::from(has_knee);
         self.move_pieces = 1 + u32::from(has_knee);
         self.piece_ticks = length_ticks as f32 / MOST_IN_FILTER as f32;
@@ -70,7 +70,7 @@ impl Budget {
         Cost { ticks, distance: block.length_10nm as f32 * PER_10NM }
     }
 
-    /// True if a block that may still grow keeps this speed however it grows.
+    /// True if a block that may still grow can keep this speed however it grows.
     pub fn always_allows(&self, speed: Speed, block: &Block, events: f32) -> bool {
         let mut cost = self.cost(block, events, MAX_INNER_ENDS as u32 + 1);
         cost.ticks += self.growth_ticks;
@@ -88,7 +88,7 @@ pub(crate) struct Cost {
 
 impl Cost {
     /// The speed at which the block takes as long as it costs, S / (events * c_event + moves *
-    /// c_move), where its nominal speed is faster.
+    /// c_move), if its nominal speed is higher.
     #[inline(always)]
     pub fn slower_nominal(&self, nominal: Speed) -> Option<Speed> {
         if nominal.0 as f32 * self.ticks <= self.distance {
@@ -138,7 +138,7 @@ mod tests {
                 Some(slower) if slower > Speed(1) => {
                     prop_assert!(slower < block.nominal);
                     prop_assert!(seconds(slower) >= cost_s * (1.0 - 1e-6));
-                    // No slower than it must: the next faster speed would be too fast.
+                    // No slower than necessary: the next higher speed would be too fast.
                     prop_assert!(seconds(Speed(slower.0 + 1 + slower.0 / 5_000_000)) <= cost_s * (1.0 + 1e-6));
                 }
                 Some(_) => prop_assert!(seconds(Speed(2)) <= cost_s),

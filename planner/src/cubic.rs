@@ -1,33 +1,33 @@
-//! The cubic that a constant jerk makes of the time.
+//! The cubic by which path depends on time under constant jerk.
 
 use crate::real::Real;
 
-/// Path over time beside a place where the acceleration is zero: at the share x of a ramp's half,
-/// `linear x + cubic x^3`.
+/// Path over time beside a place where the acceleration is zero: `linear x + cubic x^3` at share x
+/// of half a ramp.
 ///
 /// With V the speed there and t1 the half's duration, linear = V t1 and cubic = +-j t1^3 / 6: plus
-/// beside a ramp's slow end, whichever way time runs, and minus beside its fast one. There j t1^2
-/// is no more than V, so the path grows with x everywhere.
+/// at a ramp's slow end, whichever direction time runs, and minus at its fast end. There j t1^2 is
+/// at most V, so the path grows with x everywhere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cubic<F> {
-    /// Path that the speed beside the place makes in a half.
+    /// Path due to the speed at the place, in one half.
     pub linear: F,
-    /// Path that the jerk makes.
+    /// Path due to the jerk.
     pub cubic: F,
 }
 
-/// Newton's steps in f32. From the guess, which is less than a third too large, each squares
+/// Newton steps in f32. Starting from the guess, which is less than a third too large, each squares
 /// the relative error.
 const STEPS: usize = 5;
 
-/// The cube root of a number above zero, at most 7 % too large: the bits of a float are
-/// about its logarithm.
+/// Cube root of a positive number, at most 7 % too large: the bits of a float approximate its
+/// logarithm.
 pub(crate) fn cube_root_above(x: f32) -> f32 {
     f32::from_bits(x.to_bits() / 3 + 0x2a51_0000) * 1.035
 }
 
 impl<F: Real> Cubic<F> {
-    /// The same curve in another unit of path, of which one of this makes `factor`.
+    /// The same curve in another unit of path; `factor` of the new units make one of the old.
     pub(crate) fn scaled(&self, factor: F) -> Self {
         Self { linear: self.linear * factor, cubic: self.cubic * factor }
     }
@@ -42,16 +42,16 @@ impl<F: Real> Cubic<F> {
         self.linear + F::constant(3.0) * self.cubic * x * x
     }
 
-    /// The share at which a distance is reached, by a fixed number of Newton's steps; zero for
-    /// distances that are not above it.
+    /// Share at which a distance is reached, by a fixed number of Newton steps; zero for distances
+    /// that are not positive.
     ///
-    /// Beside a slow end the path is convex and the guess not below the root, beside a fast
-    /// one it is concave and the guess not above it: either way the steps go towards the root
-    /// and never past it.
+    /// At a slow end the path is convex and the guess not below the root, at a fast one it is
+    /// concave and the guess not above it: either way the steps approach the root and never pass
+    /// it.
     pub(crate) fn solve(&self, distance: F) -> F {
         let short = Cubic { linear: self.linear.to_f32(), cubic: self.cubic.to_f32() };
         let guess = short.solve_f32(distance.to_f32());
-        // One step doubles the digits, which f64 needs and does no harm to f32.
+        // One step doubles the digits, which f64 needs and f32 tolerates.
         let x = F::from_f32(guess);
         let slope = self.slope(x);
         if guess > 0.0 && slope > F::ZERO {

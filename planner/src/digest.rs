@@ -1,4 +1,4 @@
-//! Two numbers that tell whether two prints made the same steps.
+//! Two hashes that show whether two prints made the same steps.
 
 use crate::StepObserver;
 
@@ -16,7 +16,7 @@ const PRIME_5: u64 = PRIME_2.wrapping_mul(PRIME_2).wrapping_mul(PRIME);
 pub struct StepDigests {
     /// Hash of the motors and directions of all steps, in order.
     pub order: u64,
-    /// Hash of the same with the times.
+    /// Hash of the same with times.
     pub step: u64,
 }
 

@@ -1,19 +1,19 @@
 //! Division of 64-bit numbers by a constant, without the processor's help (R7).
 //!
 //! A Cortex-M4 divides 32 bits in hardware and 64 bits in some 250 instructions of software. A
-//! reciprocal that is known beforehand makes it four multiplications.
+//! precomputed reciprocal turns it into four multiplications.
 
 /// A divisor of 64-bit numbers, with its reciprocals.
 #[derive(Clone, Copy, Debug)]
 pub struct Divisor {
     divisor: u64,
-    /// (2^64 - 1) / divisor, cut.
+    /// (2^64 - 1) / divisor, truncated.
     reciprocal: u64,
-    /// 2^[`SHORT_BITS`] / divisor, cut; 0 where that has more than 32 bits.
+    /// 2^[`SHORT_BITS`] / divisor, truncated; 0 if that exceeds 32 bits.
     short: u32,
 }
 
-/// Numbers of this many bits (most are) are divided by two multiplications instead of six.
+/// Numbers of up to this many bits (most are) are divided by two multiplications instead of six.
 const SHORT_BITS: u32 = 54;
 
 impl Divisor {
@@ -39,14 +39,14 @@ impl Divisor {
             }
             return (quotient, remainder);
         }
-        // The reciprocal is short of 2^64 / divisor by at most 1, so the quotient is
-        // right or one short.
+        // The reciprocal is below 2^64 / divisor by at most 1, so the quotient is right or one too
+        // small.
         let quotient = high_product(number, self.reciprocal);
         let remainder = number - quotient * self.divisor;
         if remainder >= self.divisor { (quotient + 1, remainder - self.divisor) } else { (quotient, remainder) }
     }
 
-    /// Quotient and remainder of a number of either sign, the remainder not negative.
+    /// Quotient and remainder of a signed number, the remainder not negative.
     #[inline]
     pub const fn divide_floor(self, number: i64) -> (i64, u64) {
         if number >= 0 {

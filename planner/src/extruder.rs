@@ -1,4 +1,4 @@
-//! The extruder's position: an exact sum, handed out in 1/256 steps.
+//! The extruder's position: an exact sum, delivered in 1/256 steps.
 
 use crate::division::Divisor;
 use crate::kinematics::{Fraction, StepsPerMm};
@@ -6,10 +6,10 @@ use crate::units::UNITS_PER_256TH;
 
 pub use crate::units::FILAMENT_UNITS_PER_MM;
 
-/// The longest delta, 1 m.
+/// Longest delta, 1 m.
 const MAX_MOVE_100PM: i64 = 1_000 * FILAMENT_UNITS_PER_MM;
 
-/// The largest product of a delta and the steps/mm that fits in an i64 beside a remainder.
+/// Largest product of a delta and the steps/mm that fits in an i64 together with a remainder.
 const LARGEST_PRODUCT: u64 = 4_000_000_000_000_000_000;
 
 /// The extruder's exact position, the sum of all its deltas, in whole 1/256 steps and a remainder.
@@ -23,13 +23,13 @@ pub struct Extruder {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ExtruderPosition {
     whole_256ths: i64,
-    /// Remainder in fractions of 1/256 step; [`StepsPerMm::of_filament`]'s denominator is a whole
-    /// one. Below it, also at negative positions.
+    /// Remainder in fractions of 1/256 step, of which [`StepsPerMm::of_filament`]'s denominator
+    /// makes one. It is less than one, also at negative positions.
     remainder: u32,
 }
 
 impl ExtruderPosition {
-    /// Position in 1/256 steps, cut towards zero.
+    /// Position in 1/256 steps, truncated towards zero.
     #[inline(always)]
     pub fn position_256ths(self) -> i64 {
         if self.whole_256ths >= 0 {
@@ -45,19 +45,18 @@ impl Extruder {
         Self { steps_per_mm, at: ExtruderPosition { whole_256ths: 0, remainder: 0 } }
     }
 
-    /// Sets the steps in a millimetre of filament from here on. A remainder of less than 1/256
-    /// step is forgotten.
+    /// Sets the steps per mm of filament from here on. A remainder of less than 1/256 step is
+    /// discarded.
     pub(crate) fn set_steps_per_mm(&mut self, steps_per_mm: StepsPerMm) {
         let at = ExtruderPosition { whole_256ths: self.position_256ths(), remainder: 0 };
         *self = Self { steps_per_mm, at };
     }
 
-    /// True if the extruder can move by a delta, in units of 0.1 nm, at once: at most 1 m either
+    /// True if the extruder can move by a delta, in units of 0.1 nm, in one go: at most 1 m either
     /// way, and less above 4,000 steps/mm, where the product with the steps would exceed 64 bits.
     #[inline(always)]
     pub const fn can_push(steps_per_mm: StepsPerMm, delta_100pm: i64) -> bool {
-        // 1 m times the most steps/mm is 10^19, in range of u64, which saves a
-        // division on each line.
+        // 1 m times the maximum steps/mm is 10^19, which fits a u64 and saves a division per line.
         let magnitude = delta_100pm.unsigned_abs();
         // Every machine can push 21 cm: 2^31 * 10^9.
         magnitude >> 31 == 0
@@ -65,18 +64,18 @@ impl Extruder {
                 && magnitude * steps_per_mm.hundred_thousandths().unsigned_abs() <= LARGEST_PRODUCT
     }
 
-    /// Adds a delta in units of 0.1 nm for which [`Self::can_push`] holds (one that is too
-    /// long is left out).
+    /// Adds a delta in units of 0.1 nm for which [`Self::can_push`] holds (a longer one is
+    /// ignored).
     pub fn advance(&mut self, delta_100pm: i64) {
         self.set(self.advanced(delta_100pm));
     }
 
-    /// Position after a delta in units of 0.1 nm for which [`Self::can_push`] holds (a longer
-    /// one is left out).
+    /// Position after a delta in units of 0.1 nm for which [`Self::can_push`] holds (a longer one
+    /// is ignored).
     #[inline(always)]
     pub(crate) fn advanced(&self, delta_100pm: i64) -> ExtruderPosition {
-        // Usual case of a printing move: up to some millimetres of filament, for which the
-        // processor's own division suffices.
+        // Usual case of a printing move: up to some millimetres of filament, for which the hardware
+        // division suffices.
         if let Ok(delta) = u32::try_from(delta_100pm)
             && self.steps_per_mm.of_filament().is_some()
             && let Some(place) = self.divided(delta)
@@ -86,7 +85,7 @@ impl Extruder {
         self.far_advanced(delta_100pm)
     }
 
-    /// Position after a delta, by the processor's division; `None` if the product exceeds 32 bits.
+    /// Position after a delta, by hardware division; `None` if the product exceeds 32 bits.
     #[inline(always)]
     fn divided(&self, delta_100pm: u32) -> Option<ExtruderPosition> {
         let ExtruderPosition { whole_256ths, remainder } = self.at;
@@ -111,8 +110,8 @@ impl Extruder {
         ExtruderPosition { whole_256ths: whole_256ths + whole, remainder: rest as u32 / unit }
     }
 
-    /// Units of filament times units of steps/mm in a unit of the remainder. Both are
-    /// multiples of it.
+    /// Units of filament times units of steps/mm in a unit of the remainder. Both are multiples
+    /// of it.
     fn remainder_unit(&self) -> u32 {
         UNITS_PER_256TH as u32 / self.steps_per_mm.of_filament().denominator
     }
@@ -128,16 +127,16 @@ impl Extruder {
         self.at = ExtruderPosition { whole_256ths: self.position_256ths() + i64::from(delta_256ths), remainder: 0 };
     }
 
-    /// Position in 1/256 steps, cut towards zero.
+    /// Position in 1/256 steps, truncated towards zero.
     ///
-    /// Cut, not rounded: [`rounded_steps`] of the cut value is then always the rounding of the
-    /// exact one (nested floors), which rounding twice would miss.
+    /// Truncated, not rounded: [`rounded_steps`] of the truncated value is then always the rounding
+    /// of the exact one (nested floors), which rounding twice would miss.
     pub fn position_256ths(&self) -> i64 {
         self.at.position_256ths()
     }
 
     /// Sets the motor to this step after an abandoned move. Returns the filament between there and
-    /// the target of the move, units of 0.1 nm; 0 if both are the same step, fractions included.
+    /// the move's target, units of 0.1 nm; 0 if both are the same step, fractions included.
     pub fn reset_to(&mut self, steps: i64) -> i64 {
         if rounded_steps(self.position_256ths()) == steps {
             return 0;
@@ -150,10 +149,10 @@ impl Extruder {
     }
 }
 
-/// The motor step of a position in 1/256 steps: nearest, halves away from zero.
+/// Motor step of a position in 1/256 steps: nearest, halves away from zero.
 #[inline(always)]
 pub const fn rounded_steps(position_256ths: i64) -> i64 {
-    // A position has 55 bits at most: nothing wraps.
+    // A position has at most 55 bits: nothing wraps.
     if position_256ths < 0 {
         (128_i64.wrapping_sub(position_256ths) >> 8).wrapping_neg()
     } else {
@@ -195,14 +194,14 @@ mod tests {
         assert_eq!(extruder.reset_to(50), 25 * FILAMENT_UNITS_PER_MM / 10 + 12_345);
         assert_eq!(extruder.position_256ths(), 50 * 256);
         assert_eq!(extruder.reset_to(60), -FILAMENT_UNITS_PER_MM / 10);
-        // Standing where it should keeps the fraction.
+        // A motor at its target keeps the fraction.
         extruder.advance(12_345);
         assert_eq!(extruder.reset_to(60), 0);
         assert_eq!(extruder.position_256ths(), 60 * 256 + 31);
     }
 
-    /// New steps/mm hold from each position on: the motor makes as many steps as they ask for, and
-    /// at most a fraction of 1/256 step is lost.
+    /// New steps/mm apply from each position on: the motor makes the corresponding number of steps,
+    /// and at most a fraction of 1/256 step is lost.
     #[test]
     fn other_steps_hold_from_where_it_stands() {
         for before in [3 * FILAMENT_UNITS_PER_MM + 12_345, -7 * FILAMENT_UNITS_PER_MM - 99] {

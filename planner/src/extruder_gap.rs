@@ -1,5 +1,5 @@
-//! The extruder's steps between the master's. The hot loop looks here for each step (R1); an
-//! extruder's step is rare (R3).
+//! The extruder's steps between the master's. The hot loop checks here for each step (R1); an
+//! extruder step is rare (R3).
 
 use crate::methods::Pieces;
 use crate::step_times::StepTimes;
@@ -9,48 +9,47 @@ use crate::time_units::{FRACTION_BITS, HALF_TICK};
 pub(crate) enum Look {
     /// No extruder step.
     Free,
-    /// A step of the extruder, so little before it that it waits for it.
+    /// An extruder step so little before the master's that it waits for it.
     Again,
-    /// A step of the extruder, this many ticks after the last event.
+    /// An extruder step, this many ticks after the last event.
     Step(u32),
-    /// The extruder's step is too near to the last event; it has not been taken.
+    /// The extruder's step is too close to the last event; it has not been taken.
     TooNear,
 }
 
-/// The extruder's steps while the master's are taken one after the other.
+/// The extruder's steps while the master's are taken one by one.
 pub(crate) struct ExtruderGap {
-    /// The last event, a whole tick, when the extruder was looked at.
+    /// Time of the last event, a whole tick, when the extruder was last checked.
     start: u64,
-    /// No step of the extruder was due for this many ticks from then on.
+    /// Ticks from then on during which no extruder step was due.
     pub(crate) free: u32,
-    /// An extruder step nearer than this to the master's next one waits for it.
+    /// An extruder step closer than this to the master's next one waits for it.
     near: u64,
     /// Minimum number of ticks between events.
     pub(crate) least: u32,
-    /// Number of the event that an extruder step waits for; out of reach if no step waits.
+    /// Number of the event that an extruder step waits for; `usize::MAX` if no step waits.
     pub(crate) joint: usize,
     /// True once an extruder step has begun to wait.
     pub(crate) has_joined: bool,
-    /// Extruder steps taken that are separate events.
+    /// Number of extruder steps taken that are separate events.
     pub(crate) steps: usize,
 }
 
 impl ExtruderGap {
-    /// The last event is at `last`; perhaps a step waits for the next one.
+    /// State with the last event at `last`; `waits`: a step waits for the next one.
     #[inline(always)]
     pub(crate) fn new<P: Pieces>(extruder: &StepTimes<P>, last: u64, waits: bool, near: u64, least: u32) -> Self {
         let joint = if waits { 0 } else { usize::MAX };
         Self { start: last, free: extruder.ticks_from(last), near, least, joint, has_joined: false, steps: 0 }
     }
 
-    /// The last event, while no step of the extruder is due for `free` ticks.
+    /// Time of the last event, given that no extruder step is due for `free` ticks.
     #[inline(always)]
     pub(crate) fn last(&self, free: u32) -> u64 {
         self.start.wrapping_add(u64::from(self.free.wrapping_sub(free)) << FRACTION_BITS)
     }
 
-    /// Takes note that the master has stepped, and that no step of the extruder is due
-    /// for `free` ticks.
+    /// Notes that the master has stepped, and that no extruder step is due for `free` ticks.
     #[inline(always)]
     fn settle(&mut self, free: u32) {
         self.start = self.last(free);
@@ -58,15 +57,15 @@ impl ExtruderGap {
     }
 
     /// Time from the last event to the extruder's next step, in time units, half a tick included;
-    /// `None` if it makes no more. Wraps if the step should have come before that event.
+    /// `None` if there is no further step. Wraps if the step was due before that event.
     fn distance<P: Pieces>(&self, extruder: &StepTimes<P>) -> Option<u64> {
         extruder.next().map(|due| due.wrapping_add(HALF_TICK).wrapping_sub(self.start))
     }
 
-    /// Number of the `count` steps of the master that come before the extruder's next step. No
-    /// extruder step is due for `free` ticks; the master's first step is `gap` time units after the
-    /// last event and the others follow at this interval. At least one; never too many, and very
-    /// rarely one too few.
+    /// Number of the master's `count` steps that come before the extruder's next step. No extruder
+    /// step is due for `free` ticks; the master's first step is `gap` time units after the last
+    /// event and the others follow at this interval. At least one; never too many, and very rarely
+    /// one too few.
     #[cold]
     #[inline(never)]
     pub(crate) fn fitting<P: Pieces>(
@@ -82,24 +81,24 @@ impl ExtruderGap {
             return count;
         }
         let Some(distance) = self.distance(extruder) else { return count };
-        // Cut.
+        // Truncated.
         let distance = distance.saturating_sub(gap) >> 12;
         let interval = u32::try_from(interval >> 12).unwrap_or(u32::MAX).saturating_add(1);
         let fitting = u32::try_from(distance).unwrap_or(u32::MAX) / interval;
         fitting.saturating_add(1).min(count)
     }
 
-    /// A stair ends this many ticks after the last event, perhaps a little later than
-    /// the extruder's next step, which then is asked for after it. For how many ticks
-    /// none is asked for.
+    /// Notes a stair that ends this many ticks after the last event, perhaps a little later than
+    /// the extruder's next step, which is then checked only after it. Returns the ticks without a
+    /// check.
     pub(crate) fn free_for(&mut self, ticks: u32) -> u32 {
         self.free = self.free.max(ticks);
         self.free
     }
 
-    /// Takes the extruder's next step, if it comes before the master's, which is `gap` after the
+    /// Takes the extruder's next step if it comes before the master's, which is `gap` after the
     /// last event and will be the event of this number; none is due for `free` ticks.
-    // Most steps have none of the extruder's before them.
+    // Most steps have no extruder step before them.
     #[cold]
     #[inline(never)]
     pub(crate) fn look<P: Pieces>(&mut self, extruder: &mut StepTimes<P>, free: u32, gap: u64, number: usize) -> Look {
@@ -109,18 +108,18 @@ impl ExtruderGap {
             return Look::Free;
         };
         if behind >= gap {
-            // An event had to keep its distance, and the step should have come before it.
+            // An event had to keep its distance, and the step was due before it.
             if behind.cast_signed() < 0 {
                 return Look::TooNear;
             }
-            // The extruder's step may be of the same tick. The next question is for the
-            // event after that.
+            // The extruder's step may be in the same tick. The next check is for the event after
+            // that.
             self.free = free.max(((gap >> FRACTION_BITS) as u32).saturating_add(1));
             return Look::Free;
         }
         let ticks = (behind >> FRACTION_BITS) as u32;
         let waits = gap - behind < self.near;
-        // One waits in a run: another would have to be noted elsewhere.
+        // A run has room for one waiting step: another would need a second note.
         if waits && self.joint != usize::MAX || !waits && ticks < self.least {
             return Look::TooNear;
         }

@@ -29,19 +29,19 @@ impl Follower {
         self.line
     }
 
-    /// Takes over how far it was passed.
+    /// Takes over the line's state after it was passed.
     pub fn set_line(&mut self, line: StepBresenham) {
         self.line = line;
     }
 
-    /// Master steps up to and including the next common one; out of reach after the last.
+    /// Master steps up to and including the next common one; a huge number after the last.
     #[inline]
     pub fn until(&self) -> u32 {
         self.line.width()
     }
 
-    /// Passes `count` master steps, at most [`Self::until`]; the motor's bit if it steps with
-    /// the last of them.
+    /// Passes `count` master steps, at most [`Self::until`]; returns the motor's bit if it steps
+    /// with the last of them.
     // R1.
     #[inline(always)]
     pub fn pass(&mut self, count: u32) -> u8 {

@@ -1,36 +1,36 @@
-//! Entry speeds that were planned elsewhere, with all the look-ahead there is (Yu 2019: plan on the
-//! computer, execute on the board).
+//! Entry speeds planned elsewhere, with unlimited look-ahead (Yu 2019: plan on the computer,
+//! execute on the board).
 //!
 //! Given speeds are upper bounds. The forward pass is made here as for any block, so a machine that
 //! was slowed down, or that begins in the middle, follows the plan from below and meets it where
-//! acceleration lets it. One sum takes the place of the reverse pass: a block leaves with no more
-//! speed than all blocks after it in the ring can take away, so the machine can stop on the path
-//! whatever comes next, or does not come.
+//! acceleration permits. One sum replaces the reverse pass: a block leaves with no more speed than
+//! all blocks after it in the ring can take away, so the machine can stop on the path whatever
+//! comes next, or if nothing comes.
 
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
 use crate::pace::Pace;
 use crate::ring::{Content, Ring, RingMemory, Waiting};
 use crate::speed_plan::{BlockStart, EntrySpeed, PlanFault, Released, SpeedPlan};
 
-/// The forward pass over planned speeds, before blocks enter the ring; the writer of a
-/// job makes the same.
+/// The forward pass over planned speeds, before blocks enter the ring; a job's writer makes the
+/// same pass.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ForwardPass {
     /// Planned entry of the newest block.
     planned: SquaredSpeed,
-    /// Planned speed, as far as acceleration allows it.
+    /// Planned speed, as far as acceleration permits.
     settled: SquaredSpeed,
     /// 2 a S of the block.
     reach: u64,
 }
 
 impl ForwardPass {
-    /// Takes the next block; returns its planned entry. At a standstill any plan will do, for the
-    /// block starts with zero.
+    /// Takes the next block; returns its planned entry. At standstill any plan is valid, because
+    /// the block starts at zero.
     ///
     /// # Errors
-    /// The plan breaks the bound, or the block before would have to brake harder than it may.
-    /// Nothing has changed then.
+    /// The plan exceeds the bound, or the previous block would have to brake too hard. Nothing has
+    /// then changed.
     pub fn next(
         &mut self,
         block: &Block,
@@ -51,8 +51,7 @@ impl ForwardPass {
     ) -> Result<SquaredSpeed, PlanFault> {
         let planned = match entry {
             EntrySpeed::Bound => bound,
-            // The machine was stopped inside a block: the rest of it is a block that
-            // keeps slowing down.
+            // The machine was stopped inside a block: the rest of the block keeps slowing down.
             EntrySpeed::Falling | EntrySpeed::Continues => self.planned.slowed_by(self.reach),
             EntrySpeed::Given(planned) => planned,
         };
@@ -66,7 +65,7 @@ impl ForwardPass {
         self.enter(reach, planned)
     }
 
-    /// Takes a block that begins with this speed, which is no more than its bound.
+    /// Takes a block that begins with this speed, which must not exceed its bound.
     #[inline(always)]
     fn enter(&mut self, reach: u64, planned: SquaredSpeed) -> Result<SquaredSpeed, PlanFault> {
         // All are below 2^63.
@@ -82,7 +81,7 @@ impl ForwardPass {
         Ok(planned)
     }
 
-    /// A speed that was rounded to its unit may be less than braking allows by that.
+    /// Checks the braking to a planned speed, which may be too low by its rounding.
     #[cold]
     #[inline(never)]
     fn check_braking(&self, planned: SquaredSpeed) -> Result<(), PlanFault> {
@@ -115,7 +114,7 @@ impl GivenSpeeds {
     fn settle(&mut self, reach: u64, nominal: Speed, next: &Waiting) {
         self.reach = self.reach.saturating_sub(reach);
         let (planned, root) = (next.entry, next.entry_speed);
-        // Nearly always it is as planned. All are below 2^63.
+        // Nearly always the speed is as planned. All are below 2^63.
         let gain = planned.units().wrapping_sub(self.last_squared_exit.units()).cast_signed();
         let is_reached = gain <= reach.cast_signed();
         if is_reached && planned.units() <= self.reach && root > Speed::ZERO && root <= nominal {
@@ -129,7 +128,7 @@ impl GivenSpeeds {
     #[inline(never)]
     fn slower_exit(&self, reach: u64, nominal: Speed, planned: SquaredSpeed) -> Speed {
         let entry = self.last_squared_exit;
-        // A nominal speed that was lowered is met as fast as the block can slow down to it.
+        // A lowered nominal speed is reached as fast as the block can slow down to it.
         let held = SquaredSpeed::from(nominal).max(entry.slowed_by(reach));
         let most = planned.min(held).min(SquaredSpeed::from_units(self.reach));
         most.min(entry.changed_by(reach)).root()
@@ -151,8 +150,8 @@ impl SpeedPlan for GivenSpeeds {
         ring.stopped = false;
         ring.newest_nominal = start.nominal;
         ring.push_with(|content| {
-            // Nearly always a block was here before. Its fields that a prepared one does
-            // not use may stay.
+            // Nearly always a block was here before. Fields that a prepared block does not use may
+            // stay.
             if !matches!(content, Content::Block(_)) {
                 *content = Content::Block(Waiting::NONE);
             }
@@ -164,8 +163,8 @@ impl SpeedPlan for GivenSpeeds {
         Ok(())
     }
 
-    /// Takes the oldest block or marker out of the ring. What follows a block must be able to
-    /// stop the machine.
+    /// Takes the oldest block or marker from the ring. The blocks after it must be able to stop the
+    /// machine.
     #[inline(never)]
     fn pop<S: RingMemory>(&mut self, ring: &mut Ring<S>, pace: Pace) -> Option<Released> {
         let Some(Content::Block(waiting)) = ring.first() else { return ring.pop_marker().map(Released::Marker) };

@@ -1,14 +1,14 @@
-//! Short moves that share one block: where each of them ends, and the steps that lead there.
+//! Short moves that share one block: the place where each of them ends, and the steps that lead
+//! there.
 
-/// The most moves that end inside one block, the last of the block not counted.
+/// Maximum number of moves that end inside one block, not counting the block's last.
 pub const MAX_INNER_ENDS: usize = 7;
 
-/// Longest block of several moves, units of 10 nm: what an inner end's place can hold.
+/// Longest block of several moves, units of 10 nm: the range of an inner end's place.
 pub(crate) const MAX_LENGTH_10NM: u32 = u16::MAX as u32;
 
-/// Maximum filament of a move in a block that it shares, 1/256 steps: an eighth of
-/// what an inner end can hold, so that a job that was prepared can be printed with eight
-/// times its flow (M221).
+/// Maximum filament of a move in a shared block, 1/256 steps: an eighth of the range of an inner
+/// end, so that a prepared job can be printed with eight times its flow (M221).
 pub(crate) const MAX_EXTRUDER_256THS: u32 = i16::MAX as u32 / 8;
 
 /// The end of a move inside a block.
@@ -16,9 +16,9 @@ pub(crate) const MAX_EXTRUDER_256THS: u32 = i16::MAX as u32 / 8;
 pub struct InnerEnd {
     /// Path position from the block's start, units of 10 nm.
     pub length_10nm: u32,
-    /// Signed steps of X, Y and Z (CoreXY: A, B, Z) since the end before it.
+    /// Signed steps of X, Y and Z (CoreXY: A, B, Z) since the previous end.
     pub steps: [i32; 3],
-    /// Signed travel of the extruder since the end before it, 1/256 steps.
+    /// Signed travel of the extruder since the previous end, 1/256 steps.
     pub extruder_256ths: i32,
     /// Source line of the move.
     pub line: u32,
@@ -26,11 +26,11 @@ pub struct InnerEnd {
     pub ends_move: bool,
 }
 
-/// The ends inside a block, in the order of the path.
+/// The ends inside a block, in path order.
 ///
-/// The type is small because every place of the look-ahead ring has one. Only short moves are worth
-/// sharing a block, so a path position has 16 bits (0.65 mm), a move has at most 127 steps of a
-/// motor and 127 of the extruder, and a line is given by its distance from the block's.
+/// The type is small because every place of the look-ahead ring holds one. Only short moves are
+/// worth sharing a block, so a path position has 16 bits (0.65 mm), a move has at most 127 steps of
+/// a motor and 127 of the extruder, and a line is given by its distance from the block's.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct InnerEnds {
     lengths_10nm: [u16; MAX_INNER_ENDS],
@@ -43,7 +43,7 @@ pub struct InnerEnds {
     count: u8,
 }
 
-// Places after the last end have no meaning.
+// Places after the last end are meaningless.
 impl PartialEq for InnerEnds {
     fn eq(&self, other: &Self) -> bool {
         self.count == other.count && self.iter(0).eq(other.iter(0))
@@ -87,7 +87,7 @@ impl InnerEnds {
         (0..usize::from(self.count)).map_while(move |index| self.get(index, block_line))
     }
 
-    /// The end of this index.
+    /// The end with this index.
     pub(crate) fn get(&self, index: usize, block_line: u32) -> Option<InnerEnd> {
         if index >= usize::from(self.count) {
             return None;
@@ -101,7 +101,7 @@ impl InnerEnds {
         })
     }
 
-    /// Forgets all ends.
+    /// Discards all ends.
     #[inline(always)]
     pub fn clear(&mut self) {
         self.count = 0;

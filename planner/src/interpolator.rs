@@ -33,7 +33,7 @@ const ONE_TICK: u32 = 1 << FRACTION_BITS;
 /// Flag in [`Interpolator::joining`]: the master has made no event since the move began.
 const MOVE_BEGINS: u8 = 1 << 7;
 
-/// A gap of this many time units or more exceeds a 32-bit number of ticks.
+/// Gap of this many time units or more exceeds a 32-bit number of ticks.
 const FAR: u64 = 1 << (32 + FRACTION_BITS);
 
 /// The remaining stretches of a block in which several moves end.
@@ -54,7 +54,7 @@ struct Rest<P> {
 pub struct Interpolator<M: MotionMethods = Standard> {
     /// Minimum number of ticks between events.
     minimum_interval: u32,
-    /// An extruder step nearer than this to the master's next one waits for it.
+    /// An extruder step closer than this to the master's next one waits for it.
     near: u64,
     /// Motion clock at the start of the next (or present) block, in ticks.
     clock: u64,
@@ -68,32 +68,32 @@ pub struct Interpolator<M: MotionMethods = Standard> {
     entries: EventBuffer<MAX_ENTRIES>,
     /// Direction signals after the last entry.
     directions: u8,
-    /// Extruder position at the end of the present stretch (or the last one).
+    /// Extruder position at the end of the present (or the last) stretch.
     extruder_256ths: i64,
     is_busy: bool,
-    /// The present block's duration.
+    /// Duration of the present block.
     duration_ticks: u64,
     /// Line of the move that ends with the present stretch.
     line: Option<u32>,
-    /// The stretches to come.
+    /// The remaining stretches.
     rest: Option<Rest<M::Pieces>>,
     master: StepTimes<M::Pieces>,
     master_bit: u8,
     followers: [Follower; 2],
-    /// An event of the master without the followers, and of master and first follower.
+    /// Event of the master without the followers, and of the master with the first follower.
     masters_events: [StepEntry; 2],
     extruder: StepTimes<M::Pieces>,
-    /// Flags for the master's next event: [`EXTRUDER`] if a near step of it waits for the event,
-    /// and [`MOVE_BEGINS`].
+    /// Flags for the master's next event: [`EXTRUDER`] if an extruder step close to it waits for
+    /// it, and [`MOVE_BEGINS`].
     joining: u8,
-    /// Another step pattern than step Bresenham.
+    /// A step pattern other than step Bresenham.
     pattern: Option<M::Pattern>,
-    /// The present block is made by it.
+    /// True if the present block is made by the pattern.
     follows_pattern: bool,
 }
 
 impl<M: MotionMethods> Interpolator<M> {
-    /// An interpolator at tick 0 of the motion clock, all motors forwards. Events are at least
+    /// Interpolator at tick 0 of the motion clock, all motors forwards. Events are at least
     /// `minimum_event_interval_ticks` apart, and at least a tick.
     pub fn new(minimum_event_interval_ticks: u32) -> Self {
         let minimum_interval = minimum_event_interval_ticks.max(1);
@@ -122,8 +122,8 @@ impl<M: MotionMethods> Interpolator<M> {
         }
     }
 
-    /// Sets the step pattern for the blocks to come; `None` for step Bresenham, with which the
-    /// interpolator begins. The block in execution keeps its pattern.
+    /// Sets the step pattern for later blocks; `None` for step Bresenham, the initial pattern. The
+    /// block in execution keeps its pattern.
     pub fn set_pattern(&mut self, pattern: Option<M::Pattern>) {
         self.pattern = pattern;
     }
@@ -144,8 +144,8 @@ impl<M: MotionMethods> Interpolator<M> {
         self.clock
     }
 
-    /// Forgets the present block: a new interpolator, with the motors at rest at this tick of the
-    /// motion clock, the extruder here and the direction signals so.
+    /// Discards the present block: the interpolator is as new, with the motors at rest at this tick
+    /// of the motion clock, and with this extruder position and these direction signals.
     pub fn reset_to(&mut self, clock: u64, extruder_256ths: i64, directions: u8) {
         // Overwritten in place: a new value would take stack.
         let Self {
@@ -179,7 +179,7 @@ impl<M: MotionMethods> Interpolator<M> {
         (*followers, *masters_events) = ([Follower::NONE; 2], [StepEntry::wait(0); 2]);
     }
 
-    /// Continues from standstill where another stepper has brought the motors.
+    /// Continues from standstill where another stepper has left the motors.
     pub(crate) fn resume(&mut self, standing: &Standing) {
         let Standing { clock, last_event, extruder_256ths, directions, .. } = *standing;
         self.reset_to(clock, extruder_256ths, directions);
@@ -192,7 +192,7 @@ impl<M: MotionMethods> Interpolator<M> {
         Standing { clock, last_event: self.tick(self.last), steps, extruder_256ths, directions }
     }
 
-    /// Starts a block; the one before must be finished. Returns the block's duration in ticks.
+    /// Starts a block; the previous one must be finished. Returns the block's duration in ticks.
     #[inline]
     pub fn begin(&mut self, planned: &PlannedBlock, law: &TimeLaw<M::Pieces>, sink: &mut impl StepSink) -> u64 {
         let before = self.directions;
@@ -203,7 +203,7 @@ impl<M: MotionMethods> Interpolator<M> {
         self.duration_ticks
     }
 
-    /// Begins a block without a sink: compiled once, whatever the sink.
+    /// Begins a block without a sink: compiled once for all sinks.
     #[inline(never)]
     fn begin_block(&mut self, block: &Block, law: &TimeLaw<M::Pieces>) {
         self.is_busy = true;
@@ -214,7 +214,7 @@ impl<M: MotionMethods> Interpolator<M> {
         self.begin_stretch(&first, law, HALF_TICK);
     }
 
-    /// A block in which several moves end; returns its first stretch.
+    /// Divides a block in which several moves end; returns its first stretch.
     #[cold]
     #[inline(never)]
     fn divide(&mut self, block: &Block, law: &TimeLaw<M::Pieces>) -> Stretch {
@@ -265,7 +265,7 @@ impl<M: MotionMethods> Interpolator<M> {
         self.directions = self.directions & !moving | backwards;
     }
 
-    /// Chooses the master and the followers; the master's steps.
+    /// Chooses the master and the followers; returns the master's steps.
     #[inline]
     fn start_motors(&mut self, stretch: &Stretch) -> u32 {
         let magnitudes = stretch.steps.map(|steps| steps.unsigned_abs().min(MAX_STEPS));
@@ -285,7 +285,7 @@ impl<M: MotionMethods> Interpolator<M> {
         count
     }
 
-    /// Works out the next events, or ends the block. Does nothing without one.
+    /// Makes the next events, or ends the block. Does nothing without a block.
     #[inline]
     pub fn advance(&mut self, sink: &mut impl StepSink) {
         if !self.is_busy {
@@ -336,14 +336,13 @@ impl<M: MotionMethods> Interpolator<M> {
         }
     }
 
-    /// The part without a sink, compiled once: makes the next events, into [`Self::entries`].
+    /// Makes the next events, into [`Self::entries`]: the part without a sink, compiled once.
     #[inline(never)]
     fn work(&mut self) -> Work {
         let mut room = EVENTS_AT_ONCE;
         while room > 0 {
             let (master, extruder) = (self.master.next(), self.extruder.next());
-            // Time from the last event to the master's step; wraps if the step should
-            // have come before it.
+            // Time from the last event to the master's step; wraps if the step was due before it.
             let behind = master.map(|due| due.wrapping_add(HALF_TICK).wrapping_sub(self.last));
             if let Some(behind) = behind.filter(|&behind| behind < FAR) {
                 let (entries, has_joined) = match self.master.cruise() {
@@ -374,8 +373,8 @@ impl<M: MotionMethods> Interpolator<M> {
             let event = if let Some(to_master) = to_master {
                 self.extruder.take(1);
                 if to_master < self.near {
-                    // The extruder, the slower of the two, gives way: it steps with the master,
-                    // which stays on time.
+                    // The extruder, the slower of the two, yields: it steps with the master, which
+                    // stays on time.
                     self.joining |= EXTRUDER;
                     continue;
                 }
@@ -401,7 +400,7 @@ impl<M: MotionMethods> Interpolator<M> {
     #[cold]
     #[inline(never)]
     fn has_waited(&mut self, gap: u64) -> bool {
-        // The step should have come before the last event.
+        // The step was due before the last event.
         if gap.cast_signed() < 0 {
             return false;
         }
@@ -410,7 +409,7 @@ impl<M: MotionMethods> Interpolator<M> {
         true
     }
 
-    /// Adds an event that is too near to the one before, or earlier than it: it joins that, or
+    /// Adds an event that is too close to the previous one, or earlier: it joins that event, or
     /// waits until it is far enough.
     #[cold]
     #[inline(never)]
@@ -425,7 +424,7 @@ impl<M: MotionMethods> Interpolator<M> {
         self.last = self.last.wrapping_add(u64::from(self.minimum_interval) << FRACTION_BITS);
     }
 
-    /// All steps of the present stretch have been made.
+    /// Ends the present stretch, all of whose steps have been made.
     #[inline(never)]
     fn end_stretch(&mut self) -> Work {
         let block_end = self.duration_ticks << FRACTION_BITS;
@@ -439,7 +438,7 @@ impl<M: MotionMethods> Interpolator<M> {
             return Work::Waited;
         }
         // No step of the next move joins the last event of this one: when a move ends, its motors
-        // are at its end. The end comes no earlier than an event that had to keep its distance, or
+        // are at its end. The end is no earlier than an event that had to keep its distance, or
         // than the end of the previous stretch.
         self.move_start = later(later(end, self.last), self.move_start);
         let tick = self.tick(self.move_start);
@@ -458,7 +457,7 @@ impl<M: MotionMethods> Interpolator<M> {
         self.clock.wrapping_add_signed(time as i64 >> FRACTION_BITS)
     }
 
-    /// Tick at which something without steps happens between the blocks.
+    /// Tick of an occurrence without steps between blocks.
     pub fn notice_tick(&self) -> u64 {
         self.tick(later(self.last, 0))
     }
@@ -473,9 +472,9 @@ impl<M: MotionMethods> Interpolator<M> {
 enum Work {
     /// Events; another may still join the last of them.
     Events,
-    /// Time passes; nothing joins the event before.
+    /// Time passes; nothing joins the previous event.
     Waited,
-    /// Ends a stretch, whose steps are all made: no later event joins the last. Returns the move
+    /// End of a stretch whose steps are all made: no later event joins the last. Holds the move
     /// that ends with it.
     StretchEnded(Option<Notice>),
 }

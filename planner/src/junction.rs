@@ -6,12 +6,12 @@ use crate::limits::{larger, smaller};
 use crate::path::{Path, Turn};
 use crate::square_root::square_root_f32;
 
-/// Radius, units of 10 nm, of the arc that rounds the corner between two moves; infinite when they
-/// are in line, 0 when they reverse or one of them goes nowhere.
+/// Radius, units of 10 nm, of the arc that rounds the corner between two moves; infinite if they
+/// are in line, 0 if they reverse or one of them has no length.
 ///
 /// Yu 2019, fig. 2: the arc stays within `deviation_10nm` of the corner, R = delta cos(theta/2) /
-/// (1 - cos(theta/2)), theta being the angle between the two directions. It must also fit: it
-/// touches each move at R tan(theta/2) from the corner, which may not pass the move's middle, so R
+/// (1 - cos(theta/2)), theta being the angle between the two directions. The arc must also fit: it
+/// touches each move at R tan(theta/2) from the corner, which must not pass the move's middle, so R
 /// <= (d/2) / tan(theta/2), d being the length of the shorter move.
 ///
 /// With c = cos(theta/2), q = c^2 = (1 + cos theta)/2 and 1 - c = sin^2(theta) / (4 q (1 + c))
@@ -26,7 +26,7 @@ pub fn radius_10nm(before: &Path, after: &Path, four_deviations_10nm: f32) -> f3
         return 0.0;
     }
     let cosine = square_root_f32(cosine_squared);
-    // Infinite where they are in line.
+    // Infinite if they are in line.
     let inverse = 1.0 / turn.sine;
     let ratio = cosine_squared * inverse;
     let shorter = if before.length < after.length { before.length } else { after.length };
@@ -35,10 +35,10 @@ pub fn radius_10nm(before: &Path, after: &Path, four_deviations_10nm: f32) -> f3
     if within_deviation < fitting { within_deviation } else { fitting }
 }
 
-/// The largest speed at which no axis changes its own speed at a corner by more than it
-/// may: |u_after - u_before| v <= limit, u being the share of the axis in the path. `per_limit` are
-/// the reciprocals of the limits of X, Y, Z and the filament, s/mm, 0 for an axis without one. Both
-/// paths have a length. Of X and Y Z takes the part that the surface's slope along them is.
+/// Largest speed at which no axis changes its own speed at a corner by more than its limit:
+/// |u_after - u_before| v <= limit, u being the share of the axis in the path. `per_limit` are the
+/// reciprocals of the limits of X, Y, Z and the filament, s/mm, 0 for an axis without one. Both
+/// paths have a length. Z also takes X's and Y's changes times the surface's slope along them.
 #[inline(always)]
 pub fn speed_of_jumps(before: &Path, after: &Path, per_limit: [f32; 4], slope: [f32; 2]) -> Speed {
     let [x, y, z, e] = Path::jumps(before, after);
@@ -50,18 +50,18 @@ pub fn speed_of_jumps(before: &Path, after: &Path, per_limit: [f32; 4], slope: [
     Speed((65_536.0 / strictest) as u32)
 }
 
-/// An acceleration on the arc of a corner: squared units of [`Speed`] a unit of 10 nm.
+/// Acceleration on the arc of a corner, squared units of [`Speed`] per unit of 10 nm.
 #[derive(Clone, Copy, Debug)]
 pub struct CornerAcceleration(f32);
 
 impl CornerAcceleration {
-    /// No acceleration: a corner beside it is a stop.
+    /// No acceleration: such a corner is a stop.
     pub const ZERO: Self = Self(0.0);
 
     /// An acceleration, mm/s^2.
     #[inline(always)]
     pub fn of_mm_per_s2(acceleration: f32) -> Self {
-        // 2^32 squared units of speed in a squared mm/s.
+        // 2^32 squared units of speed in one squared mm/s.
         const SCALE: f32 = 4_294_967_296.0 / UNITS_PER_MM as f32;
         Self(acceleration * SCALE)
     }
@@ -72,22 +72,22 @@ impl CornerAcceleration {
         self.0 / PER_MM_PER_S2
     }
 
-    /// True if it is above zero.
+    /// True if the acceleration is above zero.
     pub fn is_some(self) -> bool {
         self.0 > 0.0
     }
 
-    /// The smaller of two.
+    /// The smaller of two accelerations.
     #[inline(always)]
     pub fn min(self, other: Self) -> Self {
         Self(smaller(self.0, other.0))
     }
 
-    /// The speed along an arc of this radius, v^2 = a R (Yu 2019).
+    /// Speed along an arc of this radius, v^2 = a R (Yu 2019).
     #[inline(always)]
     pub fn speed_along(self, radius_10nm: f32) -> Speed {
-        // The square root can be NaN, for an infinite radius without acceleration; the
-        // cast makes it 0.
+        // The square root can be NaN, for an infinite radius without acceleration; the cast turns
+        // it into 0.
         Speed(square_root_f32(radius_10nm * self.0) as u32)
     }
 }
@@ -127,7 +127,7 @@ mod tests {
         fn the_arc_stays_within_deviation_and_fits(angle in 0.001f64..3.1, second in 1.0f64..50.0, deviation in 0.001f64..1.0) {
             let radius = radius_mm(angle, second, deviation);
             let (before, after) = corner(angle, second);
-            // The angle that the rounded vectors have.
+            // The angle of the rounded vectors.
             let [x, y, _] = after.vector.map(f64::from);
             let angle = y.atan2(x);
             let rounded = 1.0 + 1e-6 + 1e-6 / angle;

@@ -21,14 +21,14 @@ pub use linear::{Length, LinearKinematics};
 
 pub use crate::units::UNITS_PER_MM;
 
-/// Largest coordinate, either sign, in units of 10 nm: 5 m. Keeps every product below, and the time
-/// of a slow move, in 64 bits.
+/// Largest coordinate, either sign, units of 10 nm: 5 m. It keeps every product below, and the time
+/// of a slow move, within 64 bits.
 pub const MAX_COORDINATE_10NM: i64 = 5_000 * UNITS_PER_MM;
 
 /// Units of [`StepsPerMm`] times 10 nm in a step.
 const UNIT: u64 = UNITS_PER_MM as u64 * 100_000;
 
-/// A position of coordinates within [`MAX_COORDINATE_10NM`]; `None` if one is not.
+/// A position with coordinates within [`MAX_COORDINATE_10NM`]; `None` if one is not.
 #[inline(always)]
 pub(crate) fn narrow(position_10nm: [i64; 3]) -> Option<[i32; 3]> {
     let near = position_10nm.map(|coordinate| coordinate as i32);
@@ -44,30 +44,30 @@ pub(crate) fn narrow(position_10nm: [i64; 3]) -> Option<[i32; 3]> {
 pub struct Coordinate(i32);
 
 impl Coordinate {
-    /// The coordinate; `None` if it is too large.
+    /// Coordinate of this value; `None` if it is too large.
     #[inline(always)]
     pub const fn new(coordinate_10nm: i32) -> Option<Self> {
-        // Shifts -most to most so that it begins at zero.
+        // Shifts the range from -most to most so that it begins at zero.
         const MOST: u32 = MAX_COORDINATE_10NM as u32;
         let is_near = coordinate_10nm.cast_unsigned().wrapping_add(MOST) <= 2 * MOST;
         if is_near { Some(Self(coordinate_10nm)) } else { None }
     }
 
-    /// The coordinate `by_10nm` further; `None` if it is too large.
+    /// Coordinate moved by `by_10nm`; `None` if it is too large.
     #[inline(always)]
     pub const fn advanced(self, by_10nm: i32) -> Option<Self> {
-        // A sum that wraps is too large as well: it is more than 2^31 - 5 * 10^8 either way.
+        // A sum that wraps is too large as well: it exceeds 2^31 - 5 * 10^8 either way.
         Self::new(self.0.wrapping_add(by_10nm))
     }
 
-    /// Units of 10 nm.
+    /// The coordinate, units of 10 nm.
     #[inline(always)]
     pub const fn units(self) -> i32 {
         self.0
     }
 }
 
-/// Steps a millimetre, exact to five decimals, above 0 and at most 10,000.
+/// Steps per mm, exact to five decimals, above 0 and at most 10,000.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct StepsPerMm {
     hundred_thousandths: i64,
@@ -77,7 +77,7 @@ pub struct StepsPerMm {
     of_filament: Fraction,
 }
 
-/// A fraction in its lowest terms, both of 32 bits; 0 / 1 where they have more.
+/// A fraction in its lowest terms, both of 32 bits; 0 / 1 if they need more.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Fraction {
     pub(crate) numerator: u32,
@@ -105,14 +105,14 @@ impl Fraction {
         self.numerator != 0
     }
 
-    /// A whole number times the fraction, if it [is one](Self::is_some), rounded to the nearest
-    /// whole number; of two the larger. `None` where the product leaves 32 bits: the processor
-    /// divides no more.
+    /// Product of a whole number and the fraction, if it [is set](Self::is_some), rounded to the
+    /// nearest whole number, halves up. `None` if the product exceeds 32 bits, the processor's
+    /// limit for division.
     #[inline(always)]
     fn rounded(self, number: u32) -> Option<u32> {
         let product = u64::from(number) * u64::from(self.numerator) + u64::from(self.denominator.get() / 2);
-        // Half of an odd denominator is not a whole number: 2 (p + half) is odd too, and
-        // never a multiple.
+        // Half of an odd denominator is not a whole number: 2 (p + half) is then odd too, and never
+        // a multiple.
         let product = u32::try_from(product).ok()?;
         Some(product / self.denominator)
     }
@@ -133,13 +133,13 @@ impl StepsPerMm {
         (1.0..1e9 + 1.0).contains(&scaled).then(|| Self::nearest(steps_per_mm))
     }
 
-    /// The nearest value with five decimals that there is: values outside 0.00001 to 10,000 become
-    /// these ends, NaN the lower.
+    /// Nearest possible value with five decimals: values outside 0.00001 to 10,000 become these
+    /// ends, NaN the lower.
     pub fn nearest(steps_per_mm: f64) -> Self {
         Self::clamped((steps_per_mm * 100_000.0 + 0.5) as i64)
     }
 
-    /// The value in units of 1e-5 steps/mm, 1 to 1,000,000,000; values outside become these ends.
+    /// The value in units of 1e-5 steps/mm, clamped to 1 to 1,000,000,000.
     pub const fn clamped(hundred_thousandths: i64) -> Self {
         match hundred_thousandths {
             ..1 => Self::of(1),
@@ -180,14 +180,14 @@ impl StepsPerMm {
         self.steps_of_near(coordinate_10nm.clamp(-limit, limit) as i32)
     }
 
-    /// Version of [`Self::steps`] for a coordinate that is known to be no larger.
+    /// Version of [`Self::steps`] for a coordinate known to be in range.
     #[inline(always)]
     pub(crate) fn steps_of_near(&self, coordinate_10nm: i32) -> i32 {
         let near = if self.steps_per_10nm.is_some() { self.steps_if_near(coordinate_10nm) } else { None };
         near.unwrap_or_else(|| self.steps_of_far(coordinate_10nm))
     }
 
-    /// Version by the processor's division, which suffices on any printer; `None` if it does not.
+    /// Version using hardware division, which suffices on any printer; `None` if it does not.
     #[inline(always)]
     fn steps_if_near(&self, coordinate_10nm: i32) -> Option<i32> {
         let magnitude = self.steps_per_10nm.rounded(coordinate_10nm.unsigned_abs())? as i32;
@@ -222,9 +222,9 @@ impl StepsPerMm {
         }
     }
 
-    /// Version by one division of the processor, which takes 32 bits. Below 5.4 m four roundings in
+    /// Version with one hardware division, which takes 32 bits. Below 5.4 m four roundings in
     /// double precision are off by less than 2^-21; a quotient by less than 2^20 that is not a half
-    /// is further from the nearest half.
+    /// is further than that from the nearest half.
     #[inline(always)]
     fn near_coordinate_10nm(&self, steps: i64) -> Option<i64> {
         let Fraction { numerator, denominator } = self.steps_per_10nm;
@@ -258,13 +258,12 @@ pub struct Geometry {
     pub kinematics: Kinematics,
     /// Steps/mm of the motors that the board names X, Y and Z, and of the extruder.
     pub steps_per_mm: [StepsPerMm; 4],
-    /// Step events nearer than this join, in ticks; also the shortest interval of any motor.
+    /// Distance below which step events join, ticks; also the minimum interval of any motor.
     pub minimum_event_interval_ticks: u32,
-    /// Processor time that a step event costs, in ticks, drawn out by the share of the
-    /// processor that motion gets: a block takes at least this long for each of its events. 0
-    /// where steps cost nothing.
+    /// Processor time of a step event, ticks, scaled up by the share of the processor that motion
+    /// gets: a block takes at least this long for each of its events. 0 if steps cost nothing.
     pub event_cost_ticks: u32,
-    /// Ticks for each move, from its line to its last step, without its events.
+    /// Processor time of a move, from its line to its last step, without its events, ticks.
     pub move_cost_ticks: u32,
 }
 
@@ -277,8 +276,8 @@ impl Geometry {
         [steps_x.steps(first), steps_y.steps(second), steps_z.steps(third)]
     }
 
-    /// Version of [`Self::motor_steps`] for a known other position and its motors: a third motor
-    /// that stays is not computed again. Both positions are within [`MAX_COORDINATE_10NM`].
+    /// Version of [`Self::motor_steps`] for a known other position and its motors: an unchanged
+    /// third motor is not computed again. Both positions must be within [`MAX_COORDINATE_10NM`].
     #[inline(always)]
     pub(crate) fn motor_steps_from(
         &self,

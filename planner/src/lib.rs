@@ -7,8 +7,8 @@
 //! look-ahead. [`Planner`] connects them.
 //!
 //! No text, no hardware, no heap. The results are bit-identical on every target: positions and
-//! times accumulate in integers, arithmetic once a move is f32, once a block f32 or, where that is
-//! not exact enough, f64, once a step f32, all with + - * / and square root alone.
+//! times accumulate in integers, arithmetic is f32 per move, f32 per block (f64 where that is not
+//! exact enough) and f32 per step, all with + - * / and square root alone.
 #![cfg_attr(not(test), no_std)]
 
 pub mod backlash;
@@ -87,7 +87,7 @@ pub use step_times::StepTimes;
 pub use time_units::TICKS_PER_SECOND;
 pub use tolerance::PATH_TOLERANCE_MM;
 
-/// Version of the rules by which moves become blocks and blocks get their speeds. To be raised with
-/// any change that gives a job other steps: jobs that were prepared by the rules of another version
-/// are not executed.
+/// Version of the rules by which moves become blocks and blocks get their speeds. Raise it with any
+/// change that gives a job other steps: jobs prepared by the rules of another version are not
+/// executed.
 pub const PLANNER_VERSION: u32 = 3;

@@ -4,13 +4,13 @@ use crate::kinematics::UNITS_PER_MM;
 use crate::square_root::square_root_f32;
 use crate::surface::SurfaceBounds;
 
-/// Number of axes a limit is kept for: X, Y, Z and the extruder, in this order.
+/// Number of axes with limits: X, Y, Z and the extruder, in this order.
 pub const AXES: usize = 4;
 
-/// Limits that hold along every path. All values are in mm, mm/s, mm/s^2 and mm/s^3 and
-/// greater than zero.
+/// Limits along every path. All values are in mm, mm/s, mm/s^2 and mm/s^3, and greater than zero.
 ///
-/// M201, M203, M204 and M205 change them between moves; a block keeps those it was planned with.
+/// M201, M203, M204 and M205 change them between moves; a block keeps those with which it was
+/// planned.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Largest speed of X, Y, Z and the filament, mm/s (M203).
@@ -23,20 +23,19 @@ pub struct Limits {
     pub travel_acceleration_mm_per_s2: f64,
     /// Acceleration of an extruder-only move, mm/s^2 (M204 R).
     pub retract_acceleration_mm_per_s2: f64,
-    /// Maximum distance of the arc that rounds a corner from the corner, mm (Yu
-    /// 2019, delta; M205 J).
+    /// Maximum distance between a corner and the arc that rounds it, mm (Yu 2019, delta; M205 J).
     pub junction_deviation_mm: f64,
     /// Maximum change of speed of X, Y, Z and the filament at a corner, mm/s (M205 X Y Z E,
-    /// "jerk"); infinite for an axis that has only the arc's limit.
+    /// "jerk"); infinite for an axis limited by the arc alone.
     pub instantaneous_corner_velocity_mm_per_s: [f64; AXES],
 }
 
-/// Share of the extruder's speed and acceleration taken by its advance.
+/// Extruder advance, which takes a share of the extruder's speed and acceleration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ExtruderAdvance {
     /// The largest K, s; 0 without an advance.
     pub seconds: f32,
-    /// Time over which it is averaged, s.
+    /// Time over which the advance is averaged, s.
     pub smooth_time_s: f32,
 }
 
@@ -52,11 +51,11 @@ impl ExtruderAdvance {
     }
 }
 
-/// The limits as the planning of a block uses them: in single precision, for which the Cortex-M4F
-/// has instructions; double precision is software there, some hundred instructions an operation.
+/// The limits as used to plan a block: in single precision, for which the Cortex-M4F has
+/// instructions; double precision takes some hundred instructions an operation in software.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathLimits {
-    /// The filament's is that in a line, where the extruder's advance takes a part of what it may.
+    /// The filament's limit is that within a line, where the extruder's advance takes a part of it.
     max_feed_mm_per_s: [f32; AXES],
     max_acceleration_mm_per_s2: [f32; AXES],
     /// Limits of the filament alone.
@@ -65,12 +64,12 @@ pub(crate) struct PathLimits {
     print_acceleration_mm_per_s2: f32,
     travel_acceleration_mm_per_s2: f32,
     retract_acceleration_mm_per_s2: f32,
-    /// The smaller of X's and Y's.
+    /// The smaller of the feeds of X and Y.
     plane_feed_mm_per_s: f32,
     plane_acceleration_mm_per_s2: f32,
     /// Four times the junction deviation, units of 10 nm.
     pub four_deviations_10nm: f32,
-    /// The reciprocals of the instantaneous corner velocities, s/mm; 0 for none.
+    /// Reciprocals of the instantaneous corner velocities, s/mm; 0 for an axis without one.
     pub per_corner_velocity: [f32; AXES],
     has_corner_velocities: bool,
 }
@@ -79,8 +78,8 @@ pub(crate) struct PathLimits {
 pub(crate) type FeedAndAcceleration = (f32, f32);
 
 impl PathLimits {
-    /// Limits less the extruder's share for its advance: largest K, s, and the time over
-    /// which it is averaged, s.
+    /// Limits without the extruder's share for its advance: largest K, s, and the time over which
+    /// it is averaged, s.
     ///
     /// The extruder goes at e' + (K / B) times the difference of e' over B. Half of its speed is
     /// left to the flow, a quarter to the advance where the flow accelerates, K e'', and a quarter
@@ -130,23 +129,23 @@ impl PathLimits {
         filament
     }
 
-    /// Limits a feed where only the filament moves.
+    /// Limits the feed of a filament-only move.
     pub fn of_filament(&self, feed_mm_per_s: f32) -> FeedAndAcceleration {
         let acceleration = smaller(self.retract_acceleration_mm_per_s2, self.filament_acceleration_mm_per_s2);
         (smaller(feed_mm_per_s, self.filament_feed_mm_per_s), acceleration)
     }
 
-    /// Limits a feed along a path of this length and these travels of X, Y, Z and the filament, all
-    /// in units of 10 nm, with or without extrusion.
+    /// Limits a feed along a path of this length with these travels of X, Y, Z and the filament,
+    /// all in units of 10 nm, with or without extrusion.
     ///
-    /// An axis whose travel has the share u of the path allows v / |u| and a / |u|. A
-    /// multiplication tells whether it limits at all; only an axis that does costs a division.
+    /// An axis with share u of the path allows v / |u| and a / |u|. A multiplication shows whether
+    /// the axis limits at all; only then is a division needed.
     #[inline(always)]
     pub fn along(&self, feed_mm_per_s: f32, length: f32, travels: [f32; AXES], prints: bool) -> FeedAndAcceleration {
         let feed = feed_mm_per_s;
         let acceleration = if prints { self.print_acceleration_mm_per_s2 } else { self.travel_acceleration_mm_per_s2 };
-        // Nearly all moves are in the plane, at a feed and an acceleration that both axes have by
-        // themselves. Of products of numbers that are no larger none is rounded to a larger one, so
+        // Nearly all moves are in the plane, at a feed and an acceleration that both axes permit by
+        // themselves. Products of numbers that are no larger are never rounded to a larger one, so
         // X, Y and the resting Z set no limit.
         let [x, y, z, filament] = travels;
         let [.., filament_feed] = self.max_feed_mm_per_s;
@@ -165,8 +164,8 @@ impl PathLimits {
     ///
     /// Z's part of the path is then |u_z| (1 + fade) + slope_x |u_x| + slope_y |u_y| at most. Along
     /// a straight path that part changes by 2 twist |u_x u_y| + 2 fade' |u_z| for each mm, and Z's
-    /// acceleration is a times the part and v^2 times its change; of what Z may, the change gets
-    /// half at most. At the border of two cells Z's speed changes at once, as at a corner.
+    /// acceleration is a times the part plus v^2 times its change; the change gets at most half of
+    /// Z's limit. At the border of two cells Z's speed changes at once, as at a corner.
     #[inline(never)]
     pub fn along_surface(
         &self,
@@ -217,12 +216,12 @@ impl PathLimits {
     }
 }
 
-/// The larger of two numbers, as [`smaller`] has it.
+/// The larger of two numbers, with the comparison of [`smaller`].
 pub(crate) fn larger(one: f32, other: f32) -> f32 {
     if other > one { other } else { one }
 }
 
-/// The smaller of two numbers; `f32::min` is a call, as it cares for NaN.
+/// The smaller of two numbers; `f32::min` is a call, because it handles NaN.
 pub(crate) fn smaller(one: f32, other: f32) -> f32 {
     if other < one { other } else { one }
 }

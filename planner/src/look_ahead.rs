@@ -21,7 +21,7 @@ pub use crate::speed_plan::{BlockStart, EntrySpeed, Part, PlanFault, Released};
 pub enum SpeedLaw<R = Never> {
     /// Constant acceleration.
     Trapezoid,
-    /// Constant jerk, under which neighbouring blocks share one law if that is faster.
+    /// Constant jerk; neighbouring blocks share one law if that is faster.
     SCurve(Jerks),
     /// Constant jerk, with zero acceleration at the ends of every block: the baseline for the
     /// gain of shared laws.
@@ -30,7 +30,7 @@ pub enum SpeedLaw<R = Never> {
     Other(R),
 }
 
-/// The law, with what only look-ahead needs of it.
+/// The law, with data that only look-ahead needs.
 #[derive(Clone, Copy, Debug)]
 enum Law<R> {
     Trapezoid,
@@ -38,11 +38,12 @@ enum Law<R> {
     Other(R),
 }
 
-/// Plans the speeds of blocks: a reverse pass when a block comes, the forward pass as each leaves.
+/// Plans the speeds of blocks: a reverse pass when a block arrives, the forward pass as each
+/// leaves.
 #[derive(Clone, Copy, Debug)]
 pub struct LookAhead<R> {
     law: Law<R>,
-    /// Squared speed with which the last block left, for the next to start with.
+    /// Squared speed with which the last block left, and the next starts.
     last_exit: SquaredSpeed,
 }
 
@@ -58,13 +59,13 @@ impl<R: SpeedRule> LookAhead<R> {
         Self { law, last_exit: SquaredSpeed::ZERO }
     }
 
-    /// Takes note of the next block: it will begin at the bound of its corner, and is `block` so
-    /// far, which may still grow. If it is long enough to brake from there, the speeds of all
-    /// blocks before it are final. Its arrival changes none of them.
+    /// Notes the next block: it will begin at the bound of its corner, and is so far `block`, which
+    /// may still grow. If it is long enough to brake from there, the speeds of all earlier blocks
+    /// are final, and its arrival changes none of them.
     #[inline(never)]
     pub(crate) fn foresee<S: RingMemory>(&self, ring: &mut Ring<S>, block: &Block, corner: Speed) {
-        // The oldest block leaves a full ring before the next one comes, with a speed that
-        // does not know of it.
+        // The oldest block leaves a full ring before the next one arrives, with a speed that
+        // ignores the next.
         if !matches!(self.law, Law::Trapezoid) || ring.next_entry.is_some() || !ring.has_room() {
             return;
         }
@@ -87,7 +88,7 @@ impl<R: SpeedRule> LookAhead<R> {
 }
 
 impl<R: SpeedRule> SpeedPlan for LookAhead<R> {
-    /// Lets the block's stopping distance raise the speeds before it.
+    /// Adds a block; its stopping distance may raise the speeds before it.
     fn push<S: RingMemory>(&mut self, ring: &mut Ring<S>, block: &Block, start: &BlockStart) -> Result<(), PlanFault> {
         let held;
         let block = if let Some(rule) = self.rule() {
@@ -104,7 +105,7 @@ impl<R: SpeedRule> SpeedPlan for LookAhead<R> {
             return Ok(());
         }
         let entry_bound = SquaredSpeed::from(bound);
-        // The previous block has already left, with the speed that this one starts with.
+        // The previous block has already left, with the speed with which this one starts.
         let settled = !ring.has_blocks();
         let place = ring.len();
         let reachable = reach(self.rule(), SquaredSpeed::ZERO, block);
@@ -119,8 +120,8 @@ impl<R: SpeedRule> SpeedPlan for LookAhead<R> {
         Ok(())
     }
 
-    /// Yu's forward pass, a block at a time: the exit speed is what the next block's entry and this
-    /// block's own acceleration allow.
+    /// Yu's forward pass, one block at a time: the exit speed is limited by the next block's entry
+    /// and this block's acceleration.
     #[inline(never)]
     fn pop<S: RingMemory>(&mut self, ring: &mut Ring<S>, pace: Pace) -> Option<Released> {
         if let Law::Runs(runs) = &mut self.law {
@@ -161,9 +162,9 @@ impl<R: SpeedRule> SpeedPlan for LookAhead<R> {
     }
 }
 
-/// Yu 2019: v_s = sqrt(v_e^2 + 2 a s), from the newest block backwards until nothing
-/// changes any more: speeds only rise when a block is added, and a block that keeps its
-/// speed keeps all before it.
+/// Yu 2019: v_s = sqrt(v_e^2 + 2 a s), from the newest block backwards until nothing changes:
+/// speeds only rise when a block is added, and a block with an unchanged speed leaves all earlier
+/// ones unchanged.
 fn reverse_pass<S: RingMemory, R: SpeedRule>(
     ring: &mut Ring<S>,
     rule: Option<&R>,
@@ -188,8 +189,8 @@ fn reverse_pass<S: RingMemory, R: SpeedRule>(
     }
 }
 
-/// Settles the entry speed of the oldest block in the ring, or of the one that comes next, if that
-/// is foreseen. Zero without such a block: the next one then starts from standstill.
+/// Settles the entry speed of the oldest block in the ring, or of the next one, if that is
+/// foreseen. Zero without such a block: the next one then starts from standstill.
 fn settle_next<S: RingMemory>(ring: &mut Ring<S>, reachable: SquaredSpeed) -> Speed {
     for place in 0..ring.len() {
         if let Some(Content::Block(next)) = ring.at(place) {
@@ -206,7 +207,7 @@ fn settle_next<S: RingMemory>(ring: &mut Ring<S>, reachable: SquaredSpeed) -> Sp
     Speed::ZERO
 }
 
-/// The largest squared speed that can be reached from this one over a block.
+/// Largest squared speed that can be reached from this one over a block.
 #[inline]
 fn reach<R: SpeedRule>(rule: Option<&R>, from: SquaredSpeed, block: &Block) -> SquaredSpeed {
     match rule {

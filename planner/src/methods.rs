@@ -1,9 +1,9 @@
-//! The two seams for other methods of motion: a *step pattern* says which motors step in which
-//! order along a block, a *time law* how the speed changes along it.
+//! The two extension points for other methods of motion: a *step pattern* determines which motors
+//! step in which order along a block, a *time law* the change of speed along it.
 //!
 //! The planner itself knows one pattern, step Bresenham, and two laws, the trapezoid and the
-//! S-curve; this is all that a printer's image contains ([`Standard`]). The papers' other methods
-//! implement these traits in a crate of their own and reach the planner as its type parameter.
+//! S-curve; a printer's image contains only these ([`Standard`]). The papers' other methods
+//! implement these traits in a separate crate and reach the planner as its type parameter.
 
 use core::fmt::{self, Debug};
 use core::marker::PhantomData;
@@ -21,7 +21,7 @@ use crate::time_law::TimeLaw;
 
 pub use crate::pieces::{Never, OtherLaw, Pieces};
 
-/// Reason why a choice of methods was refused. The planner continues with the methods that it had.
+/// Reason why a choice of methods was refused. The planner then keeps its methods.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChoiceError {
     /// Moves wait or are being executed.
@@ -30,68 +30,67 @@ pub enum ChoiceError {
     NotContained,
     /// A parameter of the method is out of range.
     Parameter,
-    /// A shaper cannot be made, or not for this machine.
+    /// A shaper is impossible, or not possible on this machine.
     Shaper(ShaperError),
     /// A number of the extruder's advance is out of range.
     PressureAdvance(PressureAdvanceError),
 }
 
-/// A step event of X, Y and Z's motors, and when it is due.
+/// Step event of the X, Y and Z motors, and the time at which it is due.
 #[derive(Clone, Copy, Debug)]
 pub struct DueEvent {
     /// Time units from the block's start.
     pub time: u64,
     /// The motors that step: bits 0 to 2 are X (A), Y (B) and Z.
     pub axes: u8,
-    /// Motors of these that run backwards.
+    /// Those of the motors that run backwards.
     pub backwards: u8,
 }
 
-/// Another order of the motors' steps than step Bresenham's.
+/// An order of the motors' steps other than step Bresenham's.
 ///
-/// A pattern yields the events of the motors that it orders, in order of time. The planner
-/// merges them with the extruder's steps, and with Z's where the pattern leaves Z out: those
-/// follow the path evenly.
+/// A pattern yields the events of the motors that it orders, in order of time. The planner merges
+/// them with the extruder's steps, and with Z's if the pattern leaves Z out: those follow the path
+/// evenly.
 pub trait StepPattern<P>: Copy + Debug {
-    /// Equal parts of a block's path of which each has at most one event of the motors.
+    /// Number of equal parts of a block's path of which each has at most one event of the motors.
     fn densest(&self, steps: [i32; 3]) -> u32;
 
-    /// Step events of the motors in a block, those that join others counted too.
+    /// Number of step events of the motors in a block, including those that join others.
     fn events(&self, steps: [i32; 3]) -> u32;
 
-    /// Shortest time in which a block may be made, ticks.
+    /// Minimum duration of a block, ticks.
     fn least_ticks(&self, steps: [i32; 3]) -> f32;
 
-    /// Z's steps where the pattern's events leave Z out; else [`StepTimes::NONE`].
+    /// Z's steps if the pattern's events leave Z out; otherwise [`StepTimes::NONE`].
     fn z(&self) -> &StepTimes<P>;
 
-    /// Mutable access to them.
+    /// Mutable access to Z's steps.
     fn z_mut(&mut self) -> &mut StepTimes<P>;
 
-    /// Starts with a block, of which the stretch is all.
+    /// Starts a block; the stretch is all of it.
     fn start(&mut self, stretch: &Stretch, law: &TimeLaw<P>);
 
     /// The next event; `None` after the block's last.
     fn next(&self) -> Option<DueEvent>;
 
-    /// Advances to the event after it.
+    /// Advances to the following event.
     fn advance(&mut self);
 }
 
-/// Another rule for the change of speed than a constant acceleration or jerk.
+/// A rule for the change of speed other than constant acceleration or jerk.
 pub trait SpeedRule: Copy + Debug + PartialEq {
     /// The pieces of a block's law.
     type Pieces: Pieces;
 
-    /// A block's nominal speed, held to what the rule can do.
+    /// Nominal speed of a block, limited to what the rule can do.
     fn nominal(&self, block: &Block) -> Speed;
 
-    /// The fastest speed that a block can be left with when it is entered at `speed`, or entered
-    /// with to be left at it.
+    /// Highest speed with which a block can be left if it is entered at `speed`, or entered if it
+    /// is left at it.
     fn reach(&self, block: &Block, speed: Speed) -> Speed;
 
-    /// The slowest speed, at least `wanted`, that a block can be left with when it is
-    /// entered at `speed`.
+    /// Lowest speed, at least `wanted`, with which a block can be left if it is entered at `speed`.
     fn slowest(&self, block: &Block, speed: Speed, wanted: Speed) -> Speed;
 
     /// The law of a planned block.
@@ -111,24 +110,24 @@ pub trait MotionMethods: Copy + Debug {
     /// Backlash compensation, or [`NoBacklash`] to compile it out.
     type Backlash: BacklashCorrection;
 
-    /// The pattern that was chosen; `None` for step Bresenham.
+    /// The chosen pattern; `None` for step Bresenham.
     ///
     /// # Errors
     /// [`ChoiceError::NotContained`].
     fn pattern(choice: &MotionChoice, kinematics: Kinematics) -> Result<Option<Self::Pattern>, ChoiceError>;
 
-    /// The law that was chosen; `None` for the trapezoid and the S-curve.
+    /// The chosen law; `None` for the trapezoid and the S-curve.
     ///
     /// # Errors
     /// [`ChoiceError::NotContained`], [`ChoiceError::Parameter`].
     fn rule(choice: &MotionChoice) -> Result<Option<Self::Rule>, ChoiceError>;
 }
 
-/// No other methods: step Bresenham under trapezoids and S-curves. Z follows no bed, or what `B`
-/// says; the drives have no play, or it is taken up by `L`.
+/// No other methods: step Bresenham under trapezoids and S-curves. `B` is the bed following, by
+/// default none; `L` is the backlash compensation, by default none.
 pub struct Standard<B = NoBed, L = NoBacklash>(PhantomData<fn() -> (B, L)>);
 
-// Derived, they would ask for a bed that can be copied.
+// A derived impl would require `B` and `L` to be `Clone`.
 impl<B, L> Clone for Standard<B, L> {
     fn clone(&self) -> Self {
         *self

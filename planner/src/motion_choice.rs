@@ -1,5 +1,5 @@
-//! The names of the methods that a profile or M796 chooses, and their parameters: data, on which
-//! nothing branches but the methods themselves ([`crate::methods`]).
+//! Names and parameters of the methods that a profile or M796 chooses: data on which only the
+//! methods themselves ([`crate::methods`]) branch.
 
 use crate::limits::Limits;
 use crate::pressure_advance::PressureAdvance;
@@ -13,7 +13,7 @@ pub enum Interpolation {
     /// Step Bresenham: runs of the longest axis's steps, each ended by a step of another (Wu 2024).
     #[default]
     StepBresenham,
-    /// Classic Bresenham, a decision each step (Wu 2024, eq. 3).
+    /// Classic Bresenham: a decision per step (Wu 2024, eq. 3).
     Bresenham,
     /// Point-by-point comparison: each pulse along X or along Y (CoreXY paper, method 1).
     PointByPoint,
@@ -24,7 +24,7 @@ pub enum Interpolation {
 }
 
 impl Interpolation {
-    /// All its values, in the order in which M796 numbers them.
+    /// All patterns, in the order in which M796 numbers them.
     pub const ALL: [Self; 5] =
         [Self::StepBresenham, Self::Bresenham, Self::PointByPoint, Self::MinimumDeviation, Self::DualRate];
 
@@ -56,7 +56,7 @@ pub enum AccelerationProfile {
 }
 
 impl AccelerationProfile {
-    /// All its values, in the order in which M796 numbers them.
+    /// All profiles, in the order in which M796 numbers them.
     pub const ALL: [Self; 4] = [Self::Trapezoid, Self::SCurve, Self::SCurveTable, Self::SCurveFiveSegments];
 
     /// The name that profiles use.
@@ -73,7 +73,8 @@ impl AccelerationProfile {
 /// Shortest and longest pulse period of a motor under dual-rate interpolation (CoreXY paper:
 /// T_min and T_max), ns.
 ///
-/// A motor that would have to be slower, against the other at its shortest, is in the dead zone.
+/// A motor that would have to be slower, while the other is at its shortest period, is in the dead
+/// zone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DualRatePeriods {
     /// T_min, ns, above zero.
@@ -97,8 +98,8 @@ impl SCurveTableSettings {
     /// Maximum number of slices of the table.
     pub const MAX_SLICES: u32 = 65_536;
 
-    /// Slices of 2/f0 in the ramp from f0 to the highest frequency (Li 2017, eq. 4), a
-    /// last part included.
+    /// Slices of 2/f0 in the ramp from f0 to the highest frequency (Li 2017, eq. 4), including a
+    /// last partial one.
     pub fn slices(&self) -> f64 {
         let [start_hz, top_hz, jerk_hz_per_s2] = [self.start_hz, self.top_hz, self.jerk_hz_per_s2].map(f64::from);
         square_root((top_hz - start_hz) / jerk_hz_per_s2) * start_hz
@@ -122,7 +123,7 @@ pub struct MotionChoice {
     pub s_curve_table: SCurveTableSettings,
     /// Shapers of X and Y.
     pub shapers: [AxisShaper; 2],
-    /// Time over which X, Y, Z and the extruder are averaged after their shapers, s, within
+    /// Time over which X, Y, Z and the extruder are averaged after shaping, s, within
     /// [`crate::SMOOTH_TIME_S`]; `None`: no averaging.
     pub smooth_time_s: Option<f64>,
     /// Maximum distance of the filtered path from the programmed one, mm, within
@@ -142,8 +143,8 @@ impl MotionChoice {
             && matches!(self.acceleration, AccelerationProfile::Trapezoid | AccelerationProfile::SCurve)
     }
 
-    /// The acceleration of the filament that the extruder can follow with its advance, mm/s^2;
-    /// `None` without one, and where the filters cannot be made.
+    /// Acceleration of the filament that the extruder can follow with its advance, mm/s^2; `None`
+    /// without an advance, or if the filters are impossible.
     pub fn followed_filament_acceleration_mm_per_s2(&self, limits: &Limits) -> Option<f64> {
         let shaping = Shaping::new(&self.shapers, self.smooth_time_s, &self.pressure_advance).ok()?;
         let advance = shaping.extruder_advance(&self.pressure_advance)?;

@@ -23,15 +23,15 @@ use crate::heat::report::HeatFault;
 use crate::job::tower::TowerRefusal;
 use crate::motion::fault::{MotionError, MotionFault};
 
-/// Reason why a command was not executed. It has had no effect then; a command that was stopped on
-/// its way ([`CommandError::Stopped`]) leaves the machine at the position that it reports.
+/// Reason why a command was not executed. It has then had no effect; a command stopped midway
+/// ([`CommandError::Stopped`]) leaves the machine at the position that it reports.
 // R4.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CommandError {
     /// A coordinate is beyond 5 m.
     TooFar,
-    /// A move pushes more filament than one move may.
+    /// A move pushes more filament than a single move may.
     TooMuchFilament,
     /// The feed is below the planner's minimum.
     FeedTooSlow {
@@ -52,7 +52,7 @@ pub enum CommandError {
         /// Distance of the end from the centre, mm.
         end_radius_mm: f64,
     },
-    /// An arc given by R whose end is its start, or farther than twice the radius.
+    /// The end of an arc given by R is its start, or farther away than twice the radius.
     ArcRadius {
         /// The R word, mm.
         radius_mm: f64,
@@ -79,7 +79,7 @@ pub enum CommandError {
         /// Largest allowed.
         maximum: f64,
     },
-    /// The sensor did not trigger as far as it was searched for.
+    /// The sensor did not trigger within the search distance.
     HomingFailed {
         /// Index of the axis.
         axis: usize,
@@ -88,49 +88,49 @@ pub enum CommandError {
         /// The axis whose sensor triggered instead.
         swapped: Option<usize>,
     },
-    /// Two approaches have found the sensor at different places, twice.
+    /// Two approaches found the sensor at different places, twice.
     HomingDisagrees {
         /// Index of the axis.
         axis: usize,
-        /// Distance of the second place from the first, up the axis, units of 10 nm; `None`: the
-        /// second approach did not meet the sensor.
+        /// Distance of the second place from the first, up the axis, units of 10 nm; `None` if the
+        /// second approach did not reach the sensor.
         apart_10nm: Option<i64>,
         /// Maximum distance, units of 10 nm.
         agree_10nm: i64,
     },
-    /// Z homes at one place of the bed, and an axis of the plane is not homed.
+    /// Z homes at one place of the bed, but an axis of the plane is not homed.
     HomeFirst {
         /// Index of the axis that is not homed.
         axis: usize,
     },
-    /// A paused print cannot be resumed: an axis has lost its home meanwhile.
+    /// A paused print cannot be resumed, because an axis has lost its home meanwhile.
     PausedUnhomed {
         /// Index of the axis.
         axis: usize,
     },
-    /// M303 while the nozzle has a target, or a print is paused.
+    /// M303 was sent while the nozzle has a target or a print is paused.
     TunesNoPrint,
-    /// An autotune has failed, or the command is for the other kind of control:
-    /// which, and the cure.
+    /// An autotune has failed, or the command is for the other kind of control: the reason and the
+    /// cure.
     HeaterControl(&'static str),
-    /// M290 has shifted Z, and a prepared job brings its own heights.
+    /// M290 has shifted Z, but a prepared job brings its own heights.
     Shifted {
         /// The shift, units of 10 nm.
         shift_10nm: i64,
     },
-    /// Z follows the bed, or shall, and a prepared job brings its own heights.
+    /// Z follows the bed, or is to follow it, but a prepared job brings its own heights.
     MeshAndJob,
-    /// The machine's axes are skew (M852), and a prepared job is planned for right angles.
+    /// The machine's axes are skew (M852), but a prepared job is planned for right angles.
     SkewAndJob,
-    /// Axes may not be that far off their right angle.
+    /// Axes must not be that far from a right angle.
     TooSkew(SkewRefusal),
-    /// M425 names play of an axis whose motors also move another axis.
+    /// M425 sets the play of an axis whose motors also move another axis.
     SharedPlay {
         /// Index of the axis.
         axis: usize,
     },
-    /// M92 has set other steps of the extruder than the profile's, with which a
-    /// prepared job is planned.
+    /// M92 has changed the extruder's steps from the profile's, with which a prepared job is
+    /// planned.
     StepsAndJob,
     /// Z cannot follow the bed.
     Mesh(MeshError),
@@ -138,33 +138,33 @@ pub enum CommandError {
     BesideBed,
     /// The profile names no screws of the bed.
     NoScrews,
-    /// The motors of Z are not at one height, and how that is to be mended.
+    /// The Z motors are not at one height; the text gives the cure.
     NotAligned(&'static str),
-    /// A print would lay a line, and an axis has failed to home.
+    /// A print would extrude a line, but an axis has failed to home.
     FailedHome {
         /// Index of the axis.
         axis: usize,
     },
-    /// The bed is probed and followed with all axes homed.
+    /// The bed is probed and followed only with all axes homed.
     BedUnhomed {
         /// Index of an axis that is not homed.
         axis: usize,
     },
-    /// M290 shifts no prepared job.
+    /// M290 cannot shift a prepared job.
     ShiftsNoJob,
-    /// M290 shifts a homed Z only.
+    /// M290 only shifts a homed Z.
     ShiftsHomedZ,
-    /// The axis' sensor is triggered away from the end of the axis.
+    /// The axis' sensor is triggered although the axis is not at its end.
     SensorStuck {
         /// Index of the axis.
         axis: usize,
     },
-    /// The axis homes by its driver's stall signal, and that is off.
+    /// The axis homes by its driver's stall signal, which is off.
     NoStallSignal {
         /// Index of the axis.
         axis: usize,
     },
-    /// The probe's pin does not follow its command, or its signal does not show that it does.
+    /// The probe's pin does not follow its command, or its signal does not confirm it.
     ProbePin(&'static str),
     /// A motor's driver has failed, so no motor may move.
     Driver {
@@ -177,7 +177,7 @@ pub enum CommandError {
     DriverSettings {
         /// The motor, 0 to 3.
         motor: usize,
-        /// The fault of the setting.
+        /// Fault of the setting.
         error: SettingsError,
     },
     /// This board lacks a part that the command needs: `heaters`, `thermometers`, `end stops`,
@@ -189,23 +189,23 @@ pub enum CommandError {
     OtherOutput,
     /// The command needs the power supply, and that is off.
     SupplyOff,
-    /// M81 while a print is paused or comes from the card.
+    /// M81 was sent while a print is paused or comes from the card.
     SupplyInUse,
     /// The memory card is in use: it prints, or a file is being written to it.
     CardInUse,
-    /// M28 in the file of a print.
+    /// M28 occurs in the file of a print.
     WritesWithinPrint,
-    /// A host's line would move the head of a print from the card.
+    /// A host's line would move the head during a print from the card.
     CardPrints,
     /// M796 asked for methods that this machine cannot use.
     MotionChoice(ChoiceError),
     /// M593 and SET_INPUT_SHAPER: no filter has this name.
     UnknownShaper(ShortText),
-    /// The filter that was asked for cannot be made.
+    /// The requested filter cannot be made.
     Shaper(ShaperRefusal),
     /// Filters cannot be set.
     Shaping(ChoiceError),
-    /// The advance that was asked for is out of range.
+    /// The requested advance is out of range.
     Advance(AdvanceRefusal),
     /// TUNING_TOWER: this tower is not possible.
     Tower(TowerRefusal),
@@ -220,21 +220,21 @@ pub enum CommandError {
     OtherModel(&'static str),
     /// A tool that does not exist.
     InvalidTool(u32),
-    /// A machine with several tools cannot select one of them, or the command is for
-    /// another: the reason.
+    /// A machine with several tools cannot select one of them, or the command is for another one:
+    /// the reason.
     Tool(&'static str),
-    /// M112 or a heater fault has halted the machine, during this command or before;
-    /// only M999 ends that.
+    /// M112 or a heater fault has halted the machine, during this command or earlier; only M999
+    /// ends the halt.
     Halted,
-    /// M999 does not end this heater fault.
+    /// M999 cannot clear this heater fault.
     NeedsReset(HeatFault),
     /// A wait for heat ended because the heaters were switched off as unused (M86).
     HeatersTimedOut,
-    /// Motion was stopped on the way.
+    /// Motion was stopped midway.
     Stopped,
     /// The firmware has found a fault in its own motion and stopped it.
     MotionFault(MotionFault),
-    /// A prepared job continues at another place than the motors'.
+    /// A prepared job continues at a place other than the motors'.
     OtherPlace {
         /// Place where the job continues, units of 10 nm.
         job_10nm: [i32; 3],
@@ -248,20 +248,20 @@ pub enum CommandError {
     },
     /// The plan of a prepared job cannot be followed.
     Plan(PlanFault),
-    /// Jobs come over a board's own ports only.
+    /// Jobs are received on a board's own ports only.
     NoJobs,
-    /// M791 within a print.
+    /// M791 was sent during a print.
     BlackBoxInPrint,
 }
 
 impl CommandError {
-    /// Returns true if it has stopped the machine, not only the line.
+    /// Returns true if the error has stopped the machine, not only refused the line.
     pub(crate) const fn stops(&self) -> bool {
         matches!(self, Self::Stopped | Self::Halted | Self::NeedsReset(_) | Self::MotionFault(_))
     }
 
-    /// Returns true if a person can mend the reason beside the line, so that the line is worth a
-    /// second try: by heat, homing, power or the limits.
+    /// Returns true if a person can remedy the reason, so that the line is worth a second try: by
+    /// heat, homing, power or the limits.
     pub(crate) const fn is_mendable(&self) -> bool {
         self.fails_homing()
             || matches!(
@@ -281,7 +281,7 @@ impl CommandError {
             )
     }
 
-    /// Returns true if an axis is not where the print needs it, because its homing has failed.
+    /// Returns true if an axis is not where the print needs it because its homing has failed.
     pub(crate) const fn fails_homing(&self) -> bool {
         matches!(
             self,
@@ -298,7 +298,7 @@ impl CommandError {
     /// The error for a prepared job that continues at one position while the machine is at
     /// another; units of 10 nm.
     pub(crate) fn other_place(job_10nm: [i64; 3], machine_10nm: [i64; 3]) -> Self {
-        // Positions of a hostile job may be beyond any range.
+        // Positions of a malicious job may be beyond any range.
         let shown = |length_10nm: i64| length_10nm.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
         Self::OtherPlace { job_10nm: job_10nm.map(shown), machine_10nm: machine_10nm.map(shown) }
     }

@@ -1,8 +1,8 @@
-//! Heater control: thermometers, one loop a heater, by PID or by its model, and the checks that
+//! Heater control: thermometers, one loop per heater, by PID or by model, and the checks that
 //! switch everything off.
 //!
-//! A hundred times a second [`HeatControl::update`] reads every thermometer, lets [`safety`] look
-//! at every heater, and sets the power of every heater and fan. Nothing else sets one.
+//! A hundred times a second, [`HeatControl::update`] reads every thermometer, has [`safety`] check
+//! every heater, and sets the power of every heater and fan. Nothing else sets a power.
 
 mod channel;
 pub(crate) mod control;

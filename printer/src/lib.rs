@@ -40,6 +40,7 @@ pub use job::print::JobRequest;
 pub use job::tower::TowerRefusal;
 pub use motion::axis_names::AXIS_NAMES;
 pub use motion::fault::{HomingOutcome, Miscount, MotionError, MotionFault};
+pub use motion::interpreter::AskedPlaces;
 pub use motion::machine;
 pub use motion::modal::Tally;
 pub use motion::shared_machine::{SharedMachine, SharedMotion};

@@ -6,7 +6,7 @@ use ferrostep_planner::MotionChoice;
 use crate::job::lines::Lines;
 use crate::job::modes::Modes;
 use crate::job::print::Print;
-use crate::motion::interpreter::MoveInterpreter;
+use crate::motion::interpreter::{AskedPlaces, MoveInterpreter};
 use crate::motion::modal::Tally;
 use crate::ports::accelerometer::Accelerometer;
 use crate::ports::black_box::BlackBox;
@@ -160,6 +160,11 @@ impl<'a, P: Ports> Printer<'a, P> {
     /// Counts of the actions so far.
     pub fn tally(&self) -> Tally {
         self.interpreter.tally
+    }
+
+    /// The places of a line's move as the line asks for them; `None` without one.
+    pub fn asked_places(&self, text: &str) -> Option<AskedPlaces> {
+        self.interpreter.asked_places(&ferrostep_gcode::parse(text).ok()?)
     }
 
     /// X, Y, Z and E as the G-code sees them, units of 10 nm.

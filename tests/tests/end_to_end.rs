@@ -18,6 +18,7 @@ mod drivers;
 mod entries;
 mod estimates;
 mod exactness;
+mod extent;
 mod extrusion;
 mod fans;
 mod fault_matrix;

@@ -31,7 +31,7 @@ impl Share {
     pub fn of_this_commit() -> (Self, String) {
         let git = |arguments: &[&str]| system::output(Command::new("git").args(arguments).current_dir(system::root()));
         let count = git(&["rev-list", "--count", "HEAD"]).and_then(|count| count.parse::<u64>().ok());
-        let Some(count) = count else { return (Self::One(0), "this folder is no clone of git: share 0".to_owned()) };
+        let Some(count) = count else { return (Self::One(0), "this folder is not a git clone: share 0".to_owned()) };
         let share = Self::One(count % SHARES);
         let hash = git(&["rev-parse", "--short", "HEAD"]).unwrap_or_default();
         (share, format!("commit {hash} is number {count}, and has share {share}"))

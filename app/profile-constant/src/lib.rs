@@ -1,10 +1,10 @@
-//! The machine that an image is built for.
+//! Profile of the machine that an image is built for.
 #![no_std]
 #![forbid(unsafe_code)]
 
 use ferrostep_printer::Profile;
 
-/// The profile, as the build script read it from its TOML file. An image makes its own static of
+/// Machine profile as read by the build script from its TOML file. An image makes its own static of
 /// it, so that the compiler sees the values where they are used.
 pub const PROFILE: Profile = {
     use names::*;
@@ -13,8 +13,8 @@ pub const PROFILE: Profile = {
 
 include!(concat!(env!("OUT_DIR"), "/step_signals.rs"));
 
-/// Names that `Debug` prints in a profile. Not every machine has drivers, and one machine has one
-/// variant of each type.
+/// Names that `Debug` prints in a profile. Not every machine has drivers, and a given machine uses
+/// only one variant of each type.
 #[allow(unused_imports, non_upper_case_globals)]
 mod names {
     pub const inf: f64 = f64::INFINITY;

@@ -1,9 +1,9 @@
-//! A board without a plug: no driver and no records.
+//! Boards without an accelerometer connector: no driver and no records.
 
 /// Stand-in for the recorder.
 pub struct BoardRecorder;
 
-/// The only value.
+/// Returns the only value.
 pub const fn recorder() -> BoardRecorder {
     BoardRecorder
 }

@@ -1,5 +1,5 @@
-//! The recorder of the board's accelerometer, as commands see it, and as the task does that
-//! takes its samples.
+//! The recorder of the board's accelerometer, as seen by commands and by the task that takes its
+//! samples.
 
 use core::cell::RefCell;
 use core::fmt::{self, Write};
@@ -14,24 +14,24 @@ use rtic::Mutex;
 use crate::host_line::{Port, To, Writers};
 use crate::ports::BoardReplies;
 
-/// Maximum number of lines that the task sends without a rest, so that the others of its priority
+/// Maximum number of lines that the task sends without a pause, so that other tasks of its priority
 /// have their turn: a full memory, and both ends of a record.
 pub const MAX_LINES: u32 = 36;
 
 /// Longest line of a record, bytes.
 const MAX_LINE: usize = 160;
 
-/// The recorder, and for whom the record is.
+/// The recorder, and the host that receives the record.
 pub struct BoardRecorder {
     recorder: Recorder<Adxl345<Bus>>,
     to: To,
-    /// Positions of the motors at the task's last look, steps.
+    /// Motor positions when the task last ran, steps.
     motor_steps: [i64; 4],
 }
 
 impl BoardRecorder {
-    /// Takes the motors' positions, steps: a record that waits for a move begins when
-    /// X, Y or Z has one.
+    /// Updates the motor positions, steps: a record that waits for a move begins when X, Y or Z
+    /// moves.
     pub fn follow(&mut self, motor_steps: [i64; 4], now_ticks: u32) {
         let before = core::mem::replace(&mut self.motor_steps, motor_steps);
         if before.iter().zip(&motor_steps).take(3).any(|(before, now)| before != now) {
@@ -40,14 +40,14 @@ impl BoardRecorder {
     }
 }
 
-/// Recorder of the chip at the board's plug; the chip has not been asked for anything yet.
+/// Recorder of the chip at the board's connector, which has not been accessed yet.
 pub fn recorder() -> BoardRecorder {
     let Some(pins) = ACCELEROMETER else { unreachable!("the build looks at the board's table") };
     let recorder = Recorder::new(Adxl345::new(accelerometer::start(pins)));
     BoardRecorder { recorder, to: To::Host(Port::Serial), motor_steps: [0; 4] }
 }
 
-/// Sends the next line of a record; `false` without a line, or without room for it.
+/// Sends the next line of a record; `false` if there is no line, or no room for it.
 pub fn send_line(
     recorder: &mut impl Mutex<T = BoardRecorder>,
     writers: &mut impl Mutex<T = Writers>,
@@ -59,15 +59,15 @@ pub fn send_line(
         return false;
     }
     let Some(event) = recorder.lock(|shared| shared.recorder.next(now_ticks)) else { return false };
-    // Written once, and not once more to find its length. The longest fits: it gives the
-    // reason of an end.
+    // Formatted once, into a buffer, instead of a second time to find its length. The longest line,
+    // with the reason for an end, fits.
     let mut line = heapless::String::<MAX_LINE>::new();
     let _cut = write!(line, "{event}");
     writers.lock(|writers| writers.line(to, line.as_str()));
     true
 }
 
-/// The accelerometer, as the task that executes commands shares it.
+/// The accelerometer, as shared with the task that executes commands.
 pub struct BoardAccelerometer<'a, A, W> {
     shared: RefCell<A>,
     replies: &'a BoardReplies<W>,
@@ -75,7 +75,7 @@ pub struct BoardAccelerometer<'a, A, W> {
 }
 
 impl<'a, A, W> BoardAccelerometer<'a, A, W> {
-    /// Records are for the host that is answered when they are asked for.
+    /// Creates the view. Records go to the host that is being answered when they are requested.
     pub const fn new(shared: A, replies: &'a BoardReplies<W>, clock: MotionClock) -> Self {
         Self { shared: RefCell::new(shared), replies, clock }
     }

@@ -1,4 +1,4 @@
-//! A board without a slot: no file system and no mailbox.
+//! Boards without a card slot: no file system and no mailbox.
 
 use ferrostep_stm32f4::clock_tree::Clock;
 use ferrostep_stm32f4_board::motion_clock::MotionClock;
@@ -8,11 +8,11 @@ use rtic::Mutex;
 /// Stand-in for the card's task.
 pub struct BoardCard;
 
-/// Stand-in for the questions to it.
+/// Stand-in for the mailbox to the card's task.
 pub struct BoardMailbox;
 
 impl BoardMailbox {
-    /// The only value.
+    /// Returns the only value.
     pub const fn new() -> Self {
         Self
     }
@@ -23,7 +23,7 @@ pub fn start(_: SDIO, _: &Clock, _: MotionClock) -> Option<BoardCard> {
     None
 }
 
-/// Returns `false`: there is never anything to do.
+/// Returns `false`: there is never a request.
 pub fn serve(_: &mut Option<BoardCard>, _: &mut impl Mutex<T = BoardMailbox>) -> bool {
     false
 }

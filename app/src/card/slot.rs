@@ -1,4 +1,4 @@
-//! The card's task, and views of the state that the printer task shares with it.
+//! The card's task, and views of the state shared with the printer task.
 
 use core::cell::RefCell;
 
@@ -22,7 +22,7 @@ pub fn start(sdio: SDIO, clock: &Clock, motion_clock: MotionClock) -> Option<Boa
     ferrostep_stm32f4_board::card::start(sdio, clock, motion_clock).map(BoardCard::new)
 }
 
-/// The mailbox, as the printer task shares it.
+/// The mailbox, as shared with the printer task.
 pub struct BoardMailboxLock<M>(pub RefCell<M>);
 
 impl<M: Mutex<T = Mailbox>> CardPort for BoardMailboxLock<M> {
@@ -31,7 +31,7 @@ impl<M: Mutex<T = Mailbox>> CardPort for BoardMailboxLock<M> {
     }
 }
 
-/// The mailbox, as the card's task shares it.
+/// The mailbox, as shared with the card's task.
 struct TaskMailbox<'a, M>(&'a mut M);
 
 impl<M: Mutex<T = Mailbox>> SharedMailbox for TaskMailbox<'_, M> {
@@ -40,7 +40,7 @@ impl<M: Mutex<T = Mailbox>> SharedMailbox for TaskMailbox<'_, M> {
     }
 }
 
-/// Does one thing that the printer waits for, and wakes it; `false` if no request waits.
+/// Handles one request of the printer and wakes it; `false` if no request is waiting.
 pub fn serve(card: &mut Option<BoardCard>, mailbox: &mut impl Mutex<T = BoardMailbox>) -> bool {
     let served = card.as_mut().is_some_and(|card| card.serve(&mut TaskMailbox(mailbox)));
     if served {
@@ -49,10 +49,10 @@ pub fn serve(card: &mut Option<BoardCard>, mailbox: &mut impl Mutex<T = BoardMai
     served
 }
 
-/// Maximum number of bytes of a host that are read at once.
+/// Maximum number of bytes read from a host at once.
 const CHUNK_BYTES: usize = 64;
 
-/// The hosts' lines beside a print from the card.
+/// The hosts' lines during a print from the card.
 pub struct CardHosts<'a, W> {
     reader: &'a mut Reader,
     hosts: &'a mut Hosts,
@@ -64,7 +64,7 @@ pub struct CardHosts<'a, W> {
 }
 
 impl<'a, W> CardHosts<'a, W> {
-    /// All hosts.
+    /// Creates the view of all hosts.
     pub fn new(reader: &'a mut Reader, hosts: &'a mut Hosts, replies: &'a BoardReplies<W>) -> Self {
         Self { reader, hosts, replies, chunk: [0; CHUNK_BYTES], port: Port::Serial, at: 0, end: 0 }
     }

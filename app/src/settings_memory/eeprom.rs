@@ -1,4 +1,4 @@
-//! Settings in an EEPROM of the board.
+//! Settings in an EEPROM on the board.
 
 use core::fmt;
 
@@ -11,7 +11,7 @@ use ferrostep_stm32f4_board::eeprom::{self, Bus};
 /// The EEPROM, for the printer task.
 pub static MEMORY: BoardSettings = BoardSettings(());
 
-/// See [`MEMORY`]. It is not in RAM.
+/// Settings memory, see [`MEMORY`]. The value takes no RAM.
 pub struct BoardSettings(());
 
 impl fmt::Debug for BoardSettings {
@@ -21,7 +21,7 @@ impl fmt::Debug for BoardSettings {
 }
 
 fn store() -> Result<Store<Eeprom<Bus>>, StoreError> {
-    // The build compiles this for boards with one only.
+    // The build compiles this only for boards with an EEPROM.
     let (pins, address) = EEPROM.ok_or(StoreError::Sectors)?;
     Store::new(Eeprom::new(eeprom::start(pins), address))
 }
@@ -35,7 +35,7 @@ impl SettingsMemory for BoardSettings {
         store()?.save(record)
     }
 
-    /// Any task above the printer's runs meanwhile.
+    /// Returns false: any task above the printer's runs during a write.
     fn stalls(&self) -> bool {
         false
     }

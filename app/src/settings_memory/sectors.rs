@@ -9,7 +9,7 @@ use ferrostep_stm32f4_board::settings_memory::sectors;
 /// The sectors of the chip's flash, for the printer task.
 pub static MEMORY: BoardSettings = BoardSettings(());
 
-/// See [`MEMORY`]. It is not in RAM.
+/// Settings memory, see [`MEMORY`]. The value takes no RAM.
 pub struct BoardSettings(());
 
 impl fmt::Debug for BoardSettings {

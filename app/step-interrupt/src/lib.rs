@@ -1,9 +1,9 @@
 //! The step interrupt of an image: its queue, its timer, and the two handlers.
 //!
 //! A separate package, because a generic function is compiled as the package that names its types:
-//! the rest of the application is compiled for the least flash, and this for the fewest cycles.
-//! RTIC has no task here. Both handlers have the core's highest priority, which BASEPRI cannot
-//! mask, so there is nothing for RTIC to guard.
+//! the rest of the application is optimised for flash size, this package for speed. RTIC has no
+//! task here. Both handlers have the core's highest priority, which BASEPRI cannot mask, so RTIC
+//! has nothing to guard.
 #![no_std]
 
 use core::cell::UnsafeCell;
@@ -17,14 +17,14 @@ use ferrostep_stm32f4_board::handlers::complete_stores;
 use ferrostep_stm32f4_board::pac::Interrupt;
 use ferrostep_stm32f4_board::step_timer::StepTimer;
 
-/// Slots in the step queue: with one port about as many as entries on the desk, 32 KiB. With
-/// each port more a slot has two words more, and half as many still last for several of the
-/// planner's intervals.
+/// Number of slots in the step queue: with one port about as many as the desktop tool has entries,
+/// 32 KiB. Each further port adds two words to a slot; half as many slots still last for several of
+/// the planner's intervals.
 pub const STEP_QUEUE_SLOTS: usize = if MOTOR_PORTS == 1 { 2048 } else { 1024 };
 
-/// The step queue and the state of the step interrupt. No reset and no start of the program fills
-/// this memory, so that the black box reads the last steps of the program before:
-/// [`StepPlayer::restart`] comes before all else.
+/// The step queue and the state of the step interrupt. Neither a reset nor program start fills this
+/// memory, so that the black box can read the last steps of the previous program; therefore
+/// [`StepPlayer::restart`] must be called first.
 #[unsafe(link_section = ".uninit.steps")]
 pub static STEPS: StepPlayer<StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS> = StepPlayer::new();
 
@@ -34,24 +34,23 @@ pub type BoardStepTimer = StepTimer<StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>;
 /// The core's highest priority: RTIC's 16.
 const HIGHEST: u8 = 0;
 
-/// The step timer, which both handlers use. They have the same priority, so that neither
+/// Storage of the step timer, which both handlers use. They have the same priority, so that neither
 /// interrupts the other.
 struct Place(UnsafeCell<MaybeUninit<BoardStepTimer>>);
 
-// SAFETY: `start` writes it before the handlers may run, and from then on they alone use it, never
-// at the same time.
+// SAFETY: `start` writes it before the handlers may run; from then on only the handlers use it,
+// never at the same time.
 unsafe impl Sync for Place {}
 
 static TIMER: Place = Place(UnsafeCell::new(MaybeUninit::uninit()));
 
-/// Gives the handlers their timer, which [`StepTimer::start`] has started, and lets the core call
-/// them. To be called once, while the application is initialised.
+/// Gives the handlers their timer, which [`StepTimer::start`] has started, and unmasks their
+/// interrupts. Call once, while the application is initialised.
 pub fn start(timer: BoardStepTimer, controller: &mut NVIC) {
     // SAFETY: neither handler can run yet: the core does not call them before the unmasking below.
     unsafe { &mut *TIMER.0.get() }.write(timer);
     for interrupt in [Interrupt::TIM1_BRK_TIM9, Interrupt::TIM2] {
-        // SAFETY: no critical section keeps these handlers out, nor do they share anything
-        // that one guards.
+        // SAFETY: no critical section keeps these handlers out, and they share no guarded data.
         unsafe {
             controller.set_priority(interrupt, HIGHEST);
             NVIC::unmask(interrupt);
@@ -59,7 +58,7 @@ pub fn start(timer: BoardStepTimer, controller: &mut NVIC) {
     }
 }
 
-/// Takes slots, sets pins. A late event delays an edge, never the next one.
+/// Takes slots and sets pins. A late event delays its own edge, never the next one.
 ///
 /// # Safety
 /// For the vector table, and for the handler that replaces it there to measure it.
@@ -70,7 +69,7 @@ pub unsafe extern "C" fn TIM2() {
     complete_stores();
 }
 
-/// The start and the end of a motion, and an event that is owed.
+/// Handles the start and the end of a motion, and an event that is still owed.
 ///
 /// # Safety
 /// For the vector table.

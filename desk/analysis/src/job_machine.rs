@@ -109,7 +109,7 @@ impl JobMachine {
         let (travel, limits, refused) = match (self.possible(travel), self.possible(limits)) {
             (Err(problem), _) => {
                 self.note = Some(format!(
-                    "the travel in the comments of {name}, {shown}, is no machine's here ({problem}): the machine is \
+                    "the travel in the comments of {name}, {shown}, does not suit ferrostep's machine ({problem}): the machine is \
                      {BUILT_IN}, {own}; name your printer with --profile"
                 ));
                 return self;
@@ -124,7 +124,8 @@ impl JobMachine {
             (Some(_), Some(_)) => Some("travel, speeds and accelerations"),
         };
         let model = sliced_for.model().map(|model| format!(" for {model}")).unwrap_or_default();
-        let left = refused.map(|problem| format!(" (its speeds and accelerations are no machine's here: {problem})"));
+        let left = refused
+            .map(|problem| format!(" (its speeds and accelerations do not suit ferrostep's machine: {problem})"));
         let left = left.unwrap_or_default();
         let changes: Changes = travel.into_iter().chain(limits).flatten().collect();
         match (named, text_with(&self.text, &self.origin, &changes)) {

@@ -47,7 +47,7 @@ impl fmt::Display for CompareError {
         match self {
             Self::Open(error) => error.fmt(formatter),
             Self::Prepared => formatter.write_str(
-                "this is a prepared job, and --compare takes G-code: a prepared job has its methods already",
+                "this is a prepared job, with its methods fixed: give --compare the G-code that it was made from",
             ),
             Self::Stopped(message) => formatter.write_str(message),
         }

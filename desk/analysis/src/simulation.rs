@@ -93,7 +93,7 @@ impl fmt::Display for SimulationError {
             Self::NothingToCompare => {
                 write!(
                     out,
-                    "--compare plans G-code: give it with --path FILE, since a trace or a prepared job has none"
+                    "--compare plans G-code: give it with --path FILE, a trace and a prepared job are already planned"
                 )
             }
         }

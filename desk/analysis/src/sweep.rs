@@ -273,7 +273,7 @@ fn set(table: &mut Table, key: &str, value: f64) -> Result<(), String> {
     let mut table = table;
     for part in tables.into_iter().flat_map(|tables| tables.split('.')) {
         let inner = table.entry(part).or_insert_with(|| Value::Table(Table::new()));
-        table = inner.as_table_mut().ok_or_else(|| format!("{key}: \"{part}\" is no table of the profile"))?;
+        table = inner.as_table_mut().ok_or_else(|| format!("{key}: \"{part}\" is not a table of the profile"))?;
     }
     // Whole numbers stay whole, for keys that take no others.
     let is_whole = value.fract() == 0.0 && value.abs() < 1e15;

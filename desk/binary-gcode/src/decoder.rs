@@ -330,6 +330,22 @@ fn take<'a>(left: &mut u32, input: &mut &'a [u8]) -> &'a [u8] {
     bytes
 }
 
+/// The contents of one block, by the bytes of its data.
+#[cfg(feature = "write")]
+pub(crate) fn contents(head: Head, mut stored: &[u8]) -> Result<alloc::vec::Vec<u8>, Reason> {
+    let mut contents = Contents::new();
+    contents.begin(head)?;
+    let (mut text, mut portion) = (alloc::vec::Vec::new(), [0; 1024]);
+    loop {
+        match contents.fill(&mut stored, &mut portion)? {
+            0 => break,
+            made => text.extend_from_slice(portion.get(..made).unwrap_or_default()),
+        }
+    }
+    contents.end()?;
+    Ok(text)
+}
+
 /// A block's contents, decompressed and decoded.
 #[derive(Clone)]
 struct Contents {

@@ -33,6 +33,32 @@ pub(crate) enum Compression {
     Heatshrink(u8),
 }
 
+#[cfg(feature = "write")]
+impl Compression {
+    /// The number in a block's header.
+    pub const fn number(self) -> u16 {
+        match self {
+            Self::None => 0,
+            Self::Deflate => 1,
+            Self::Heatshrink(11) => 2,
+            Self::Heatshrink(_) => 3,
+        }
+    }
+}
+
+/// The number of a kind in a block's header.
+#[cfg(feature = "write")]
+pub(crate) const fn kind_number(kind: BlockKind) -> u16 {
+    match kind {
+        BlockKind::FileMetadata => 0,
+        BlockKind::Gcode => 1,
+        BlockKind::SlicerMetadata => 2,
+        BlockKind::PrinterMetadata => 3,
+        BlockKind::PrintMetadata => 4,
+        BlockKind::Thumbnail { .. } => 5,
+    }
+}
+
 /// A file's header; whether its blocks have checksums.
 pub(crate) fn file_header(bytes: &[u8]) -> Result<bool, Reason> {
     if !bytes.starts_with(&MAGIC) {

@@ -13,6 +13,9 @@ const WINDOW_BYTES: usize = 1 << MAX_WINDOW_BITS;
 /// Bits of a repetition's count.
 const COUNT_BITS: u8 = 4;
 
+#[cfg(feature = "write")]
+pub(crate) mod encoder;
+
 /// A decompressor of one block.
 #[derive(Clone)]
 pub(crate) struct Heatshrink {

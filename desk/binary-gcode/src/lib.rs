@@ -29,12 +29,20 @@
 //!
 //! The decoder needs 4.5 KiB, most of it heatshrink's window; with the feature `deflate` about 48
 //! KiB. Without that feature G-code compressed with Deflate is refused.
+//!
+//! The feature `write` adds [`Form`], which writes a block's new contents as its old ones were
+//! written; it needs a heap.
 #![cfg_attr(not(test), no_std)]
+
+#[cfg(feature = "write")]
+extern crate alloc;
 
 mod block_kind;
 mod checksum;
 mod decoder;
 mod error;
+#[cfg(feature = "write")]
+mod form;
 mod format;
 mod heatshrink;
 #[cfg(feature = "deflate")]
@@ -44,5 +52,7 @@ mod metadata;
 pub use block_kind::{BlockKind, ThumbnailFormat};
 pub use decoder::{Decoder, Progress, Selection};
 pub use error::{Error, Reason};
+#[cfg(feature = "write")]
+pub use form::{FileForm, Form};
 pub use format::MAGIC;
 pub use metadata::{entries, seconds};

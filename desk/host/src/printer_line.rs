@@ -185,15 +185,27 @@ impl PrinterLine {
     }
 }
 
+/// The way to a port that exists.
+const LISTED: &str = "`ferrostep ports` lists the ports; or write tcp:HOST:PORT";
+
 /// Describes why a port cannot be opened. A device that is not a terminal refuses its settings with
 /// ENOTTY, which is written "Not a typewriter".
 fn unopened(error: &serialport::Error) -> String {
     let text = error.to_string();
     match text.as_str() {
         "Not a typewriter" | "Inappropriate ioctl for device" => {
-            "this device is no serial port: `ferrostep ports` lists them; or tcp:HOST:PORT".to_owned()
+            format!("this device is not a serial port: {LISTED}")
         }
         _ => text,
+    }
+}
+
+/// Describes why nothing can be said of a port's file.
+#[cfg(unix)]
+fn unreached(error: &io::Error) -> String {
+    match error.kind() {
+        io::ErrorKind::NotFound => format!("there is no such port: {LISTED}"),
+        _ => error.to_string(),
     }
 }
 
@@ -201,22 +213,22 @@ fn unopened(error: &serialport::Error) -> String {
 #[cfg(unix)]
 fn refuse_what_is_no_port(name: &str) -> Result<(), String> {
     use std::os::unix::fs::FileTypeExt;
-    let kind = Path::new(name).metadata().map_err(|error| error.to_string())?.file_type();
+    let kind = Path::new(name).metadata().map_err(|error| unreached(&error))?.file_type();
     if kind.is_char_device() {
         return Ok(());
     }
     let what = match () {
         () if kind.is_dir() => "a folder",
         () if kind.is_file() => "an ordinary file",
-        () => "no terminal",
+        () => "another kind of file",
     };
-    Err(format!("this is {what}, expected a serial port: `ferrostep ports` lists them; or tcp:HOST:PORT"))
+    Err(format!("this is {what}, not a serial port: {LISTED}"))
 }
 
 #[cfg(not(unix))]
 fn refuse_what_is_no_port(name: &str) -> Result<(), String> {
     if Path::new(name).is_file() {
-        return Err("this is an ordinary file, expected a serial port: `ferrostep ports` lists them".to_owned());
+        return Err(format!("this is an ordinary file, not a serial port: {LISTED}"));
     }
     Ok(())
 }

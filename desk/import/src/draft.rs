@@ -284,9 +284,9 @@ impl Draft {
         let is_meant = |said: &String| said == path || said.starts_with(&under);
         let rows: BTreeSet<usize> =
             self.set_by.iter().filter(|(said, _)| is_meant(said)).map(|(_, index)| *index).collect();
-        let stands = match &value {
-            Some(value) if !value.is_table() => format!("{path} = {value} stands there"),
-            Some(_) => format!("another {path} stands there"),
+        let instead = match &value {
+            Some(value) if !value.is_table() => format!("{path} = {value} is written"),
+            Some(_) => format!("another {path} is written"),
             None => format!("{path} is left out"),
         };
         for index in &rows {
@@ -294,11 +294,11 @@ impl Draft {
                 && !row.refused
             {
                 row.refused = true;
-                row.why = format!("refused: {reason}: {stands}");
+                row.why = format!("refused: {reason}: {instead}");
             }
         }
         if !rows.is_empty() || before.as_ref().is_some_and(|before| !before.is_table()) {
-            self.substituted.push(stands);
+            self.substituted.push(instead);
         }
     }
 

@@ -154,7 +154,9 @@ fn read_answer(stream: impl Read, is_late: impl FnMut() -> bool) -> Result<Answe
         read_chunks(&mut stream)?
     } else {
         let length = match header("Content-Length") {
-            Some(text) => Some(text.parse::<u64>().map_err(|_| "the answer's Content-Length is no number".to_owned())?),
+            Some(text) => {
+                Some(text.parse::<u64>().map_err(|_| "the answer's Content-Length is not a number".to_owned())?)
+            }
             None => None,
         };
         let mut body = Vec::new();

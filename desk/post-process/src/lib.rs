@@ -3,8 +3,10 @@
 //! A file is read twice. The first time [`PrintTimes`] executes it on a machine that only plans,
 //! and notes when the motion of each line ends. The second time [`rewrite`] copies it line by line
 //! and puts these times in place of the slicer's: in comments, and in the words of M73. Everything
-//! else stays byte for byte, and no step changes, since both are text to a printer.
+//! else stays byte for byte, and no step changes, since both are text to a printer. In binary
+//! G-code the blocks with such times are written anew, compressed and encoded as they were.
 
+mod binary;
 mod lines;
 mod moment;
 mod print_times;

@@ -59,6 +59,19 @@ pub struct Changes {
     pub differs: bool,
 }
 
+impl Changes {
+    /// These and the changes to another part of the file.
+    pub(crate) const fn and(self, other: Self) -> Self {
+        Self {
+            comments: self.comments + other.comments,
+            progress_lines: self.progress_lines + other.progress_lines,
+            added_lines: self.added_lines + other.added_lines,
+            kept_pause_words: self.kept_pause_words + other.kept_pause_words,
+            differs: self.differs || other.differs,
+        }
+    }
+}
+
 /// Lines that a file gets if it has none.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Additions<'a> {
@@ -203,22 +216,24 @@ impl<W: Write> Copy<'_, W> {
     /// A comment that holds a time, with the time of the print.
     fn with_times(&mut self, number: u32, line: &[u8]) -> Option<Vec<u8>> {
         let is_comment = line.trim_ascii_start().starts_with(b";");
-        // Comments may hold bytes of any encoding; those with a time are text.
-        let comment = std::str::from_utf8(line).ok().filter(|_| is_comment)?;
-        let times: Vec<SlicerTime> = slicer_times(comment).collect();
-        if times.is_empty() {
-            return None;
-        }
+        let text = is_comment.then(|| with_times(line, self.times, number)).flatten()?;
         self.changes.comments += 1;
-        let mut text = line.to_vec();
-        for time in times.into_iter().rev() {
-            let new = time.written(self.times.of_part(time.of, number));
-            text.splice(time.place, new.into_bytes());
-        }
         Some(text)
     }
 
     fn write(&mut self, bytes: &[u8]) -> Result<(), RewriteError> {
         self.out.write_all(bytes).map_err(RewriteError::Write)
     }
+}
+
+/// A comment or an entry of metadata that holds a time, with the print's time at a line; `None` for
+/// others.
+pub(crate) fn with_times(line: &[u8], times: &PrintTimes, number: u32) -> Option<Vec<u8>> {
+    // Comments may hold bytes of any encoding; those with a time are text.
+    let found: Vec<SlicerTime> = slicer_times(std::str::from_utf8(line).ok()?).collect();
+    let mut text = line.to_vec();
+    for time in found.iter().rev() {
+        text.splice(time.place.clone(), time.written(times.of_part(time.of, number)).into_bytes());
+    }
+    (!found.is_empty()).then_some(text)
 }

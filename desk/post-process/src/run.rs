@@ -15,6 +15,7 @@ use ferrostep_session::output::{Accepted, Output, Protected};
 use ferrostep_session::{JobReplies, Session};
 use serde::Serialize;
 
+use crate::binary::rewrite_binary;
 use crate::print_times::PrintTimes;
 use crate::rewrite::{Additions, Changes, RewriteError, rewrite};
 
@@ -55,7 +56,7 @@ pub struct Report {
     /// The slicer's time, from a comment, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slicer_time_s: Option<f64>,
-    /// Comments that hold a time.
+    /// Comments and entries of metadata that hold a time.
     pub comments: u64,
     /// Lines of the slicer with M73.
     pub progress_lines: u64,
@@ -124,7 +125,12 @@ pub fn post_process<D: Desk>(
     }
     let text = File::open(file).map_err(|error| job(&error))?;
     let mut copy = BufWriter::new(part);
-    let rewritten = rewrite(text, &mut copy, &times, additions);
+    let rewritten = if input.description().is_some() {
+        let gcode = Input::open(file).map_err(|error| job(&error))?;
+        rewrite_binary(text, gcode, &mut copy, &times, additions)
+    } else {
+        rewrite(text, &mut copy, &times, additions)
+    };
     let rewritten = rewritten.and_then(|changes| copy.flush().map(|()| changes).map_err(RewriteError::Write));
     let changes = match rewritten {
         Ok(changes) => changes,
@@ -137,17 +143,24 @@ pub fn post_process<D: Desk>(
     if changes.differs || out.is_some() {
         Output::keep_buffered(copy).map_err(|error| Failure::Job(error.to_string()))?;
     }
-    Ok(report(options, profile_name, &times, changes))
+    let slicer_time_s = times.slicer_time_s().or_else(|| Some(input.description()?.figures.time_s?.into()));
+    Ok(report(options, profile_name, slicer_time_s, &times, changes))
 }
 
-fn report(options: &Options<'_>, profile: String, times: &PrintTimes, changes: Changes) -> Report {
+fn report(
+    options: &Options<'_>,
+    profile: String,
+    slicer_time_s: Option<f64>,
+    times: &PrintTimes,
+    changes: Changes,
+) -> Report {
     let text = |path: &Path| path.to_string_lossy().into_owned();
     Report {
         file: text(options.file),
         out: text(options.out.unwrap_or(options.file)),
         profile,
         print_time_s: times.total_s(),
-        slicer_time_s: times.slicer_time_s(),
+        slicer_time_s,
         comments: changes.comments,
         progress_lines: changes.progress_lines,
         added_lines: changes.added_lines,
@@ -174,11 +187,6 @@ fn open(file: &Path) -> Result<Input, String> {
     let input = Input::open(file).map_err(|error| error.to_string())?;
     if input.is_prepared() {
         return Err("this is a prepared job, which holds no text: give the G-code that it was made of".to_owned());
-    }
-    if input.description().is_some() {
-        return Err("this is binary G-code, and only text is rewritten: let the slicer write text (PrusaSlicer: Printer settings, \
-                    General, without \"Supports binary G-code\"), or convert the file to ASCII (its menu File)"
-            .to_owned());
     }
     Ok(input)
 }

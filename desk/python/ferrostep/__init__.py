@@ -30,16 +30,16 @@ PathLike = Union[str, "os.PathLike[str]"]
 
 
 def estimate(
-    file: PathLike, *, profile: PathLike = "cartesian", plate: Optional[int] = None, options: Sequence[str] = ()
+    file: PathLike, *, profile: Optional[PathLike] = None, plate: Optional[int] = None, options: Sequence[str] = ()
 ) -> Estimate:
     """Estimates the time and the material that a file takes.
 
-    ``profile`` is ``cartesian``, ``corexy``, ``prusa-mini``, or the path of a profile. ``plate`` chooses one of a sliced 3MF. ``options``
-    are further ones of ``ferrostep estimate``, as a shell passes them.
+    ``profile`` is ``cartesian``, ``corexy``, ``prusa-mini``, or the path of a profile; without it the machine is that of the file's
+    comments. ``plate`` chooses one of a sliced 3MF. ``options`` are further ones of ``ferrostep estimate``, as a shell passes them.
 
     Raises :class:`JobStopped` at a line that the printer would refuse, :class:`CannotStart` for everything else.
     """
-    arguments = ["estimate", *_job(file, plate), "--profile", os.fspath(profile), *options]
+    arguments = ["estimate", *_job(file, plate, profile), *options]
     return Estimate.of(run_for_json(arguments))
 
 
@@ -47,7 +47,7 @@ def show(
     file: PathLike,
     page: PathLike,
     *,
-    profile: PathLike = "cartesian",
+    profile: Optional[PathLike] = None,
     plate: Optional[int] = None,
     options: Sequence[str] = (),
 ) -> Page:
@@ -55,7 +55,7 @@ def show(
 
     Raises :class:`JobStopped` at a line that the printer would refuse; the page then shows the print up to there.
     """
-    arguments = ["show", *_job(file, plate), "-o", os.fspath(page), "--no-open", "--profile", os.fspath(profile), *options]
+    arguments = ["show", *_job(file, plate, profile), "-o", os.fspath(page), "--no-open", *options]
     return Page(path=Path(page), summary=run(arguments).strip())
 
 
@@ -64,7 +64,7 @@ def compare(
     b: Optional[PathLike] = None,
     *,
     page: Optional[PathLike] = None,
-    profile: PathLike = "cartesian",
+    profile: Optional[PathLike] = None,
     profile_b: Optional[PathLike] = None,
     settings: Optional[Mapping[str, float]] = None,
     frequency_x_hz: Optional[float] = None,
@@ -79,7 +79,7 @@ def compare(
 
     Raises :class:`JobStopped` if either print stops, :class:`CannotStart` for everything else.
     """
-    arguments = ["compare", *_job(a, plate), "--no-open", "--profile", os.fspath(profile), *options]
+    arguments = ["compare", *_job(a, plate, profile), "--no-open", *options]
     if b is not None:
         arguments.append(_path(b))
     for name, value in (("-o", page), ("--profile-b", profile_b)):
@@ -99,5 +99,11 @@ def _path(file: PathLike) -> str:
     return os.path.join(os.curdir, path) if path.startswith("-") else path
 
 
-def _job(file: PathLike, plate: Optional[int]) -> "list[str]":
-    return [_path(file), *([] if plate is None else ["--plate", str(plate)])]
+def _job(file: PathLike, plate: Optional[int], profile: Optional[PathLike]) -> "list[str]":
+    """The arguments that name a job and its machine."""
+    arguments = [_path(file)]
+    if plate is not None:
+        arguments += ["--plate", str(plate)]
+    if profile is not None:
+        arguments += ["--profile", os.fspath(profile)]
+    return arguments

@@ -208,7 +208,7 @@ impl Klipper {
     /// length is left out.
     ///
     /// # Errors
-    /// Refuses a displacement that is no number and a speed that is not above 0; the queue stays.
+    /// Refuses a displacement that is not finite and a speed that is not above 0; the queue stays.
     pub fn push(&mut self, one: &Move, released: &mut Vec<PlannedMove>) -> Result<(), MoveError> {
         one.check()?;
         let Some(candidate) = Candidate::new(one, &self.settings) else { return Ok(()) };

@@ -65,7 +65,7 @@ impl Marlin {
     /// out; one of fewer steps than `min_steps_per_segment` is made together with the next.
     ///
     /// # Errors
-    /// Refuses a displacement that is no number and a speed that is not above 0; the queue stays.
+    /// Refuses a displacement that is not finite and a speed that is not above 0; the queue stays.
     pub fn push(&mut self, one: &Move, released: &mut Vec<PlannedMove>) -> Result<(), MoveError> {
         one.check()?;
         let mut one = *one;

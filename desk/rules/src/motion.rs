@@ -95,7 +95,7 @@ pub struct MoveError {
 impl fmt::Display for MoveError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.fault {
-            Fault::Displacement => write!(out, "a displacement of the move is no finite number"),
+            Fault::Displacement => write!(out, "a displacement of the move is not finite"),
             Fault::Feed(feed) => write!(out, "the move's speed is {feed} mm/s, expected more than 0 mm/s"),
         }
     }

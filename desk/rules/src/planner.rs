@@ -106,7 +106,7 @@ impl Planner {
     /// Takes a move, and appends the moves that are planned by now.
     ///
     /// # Errors
-    /// Refuses a displacement that is no number and a speed that is not above 0; the queue stays.
+    /// Refuses a displacement that is not finite and a speed that is not above 0; the queue stays.
     pub fn push(&mut self, one: &Move, released: &mut Vec<PlannedMove>) -> Result<(), MoveError> {
         match self {
             Self::Klipper(planner) => planner.push(one, released),

@@ -96,7 +96,7 @@ impl Rrf {
     /// length is left out.
     ///
     /// # Errors
-    /// Refuses a displacement that is no number and a speed that is not above 0; the queue stays.
+    /// Refuses a displacement that is not finite and a speed that is not above 0; the queue stays.
     pub fn push(&mut self, one: &Move, released: &mut Vec<PlannedMove>) -> Result<(), MoveError> {
         one.check()?;
         let Some((mut block, entering)) = self.block(one) else { return Ok(()) };

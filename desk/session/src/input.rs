@@ -150,6 +150,12 @@ impl Input {
         if size.is_some() && is_zip(&mut file)? {
             return Self::of_plate(file);
         }
+        if size.is_some() && begins_with(&mut file, &[MAGIC])? {
+            if PLATE.load(Ordering::Relaxed) > 0 {
+                return Err(InputError::NoPlates);
+            }
+            return Self::of_binary(file, metadata.len(), Rc::default());
+        }
         let unpacked_size = if size.is_some() { gzip_size(&mut file)? } else { 0 };
         let input = Self::new(Box::new(file), size)?;
         input.place.unpacked_size.set(unpacked_size);
@@ -170,6 +176,16 @@ impl Input {
         let plate = Some(PLATE.load(Ordering::Relaxed)).filter(|plate| *plate > 0);
         let plate = sliced::open(file, plate).map_err(InputError::Sliced)?;
         Self::of_contents(plate.reader, Some(plate.bytes), true)
+    }
+
+    /// Binary G-code, which is read more than once.
+    fn of_binary(mut file: impl Read + Seek + 'static, size: u64, place: Rc<Place>) -> Result<Self, InputError> {
+        let description = Description::of(&mut file)?;
+        place.size.set(size);
+        let text = binary::GcodeText::new(file, Rc::clone(&place));
+        let text = Counting { inner: text, place: Rc::clone(&place), count: |place| &place.unpacked };
+        let reader = Box::new(BufReader::with_capacity(LOOK_BYTES, text));
+        Ok(Self { reader, is_prepared: false, description: Some(description), place })
     }
 
     fn new(file: Box<dyn Read>, size: Option<u64>) -> Result<Self, InputError> {
@@ -210,19 +226,15 @@ impl Input {
         if PLATE.load(Ordering::Relaxed) > 0 && !is_plate {
             return Err(InputError::NoPlates);
         }
-        let is_prepared = Header::is_gpre(&start);
-        let is_binary = start.starts_with(&MAGIC);
-        if !is_prepared && !is_binary {
-            must_be_text(&start, if is_gzip { None } else { size })?;
-        }
-        if is_binary {
+        if start.starts_with(&MAGIC) {
             let mut bytes = start;
             reader.read_to_end(&mut bytes)?;
-            let description = Description::of(&bytes).map_err(InputError::Binary)?;
-            place.size.set(bytes.len() as u64);
-            let text = counting(Box::new(binary::GcodeText::new(bytes, Rc::clone(&place))), |place| &place.unpacked);
-            let reader = Box::new(BufReader::with_capacity(LOOK_BYTES, text));
-            return Ok(Self { reader, is_prepared, description: Some(description), place });
+            let size = bytes.len() as u64;
+            return Self::of_binary(Cursor::new(bytes), size, place);
+        }
+        let is_prepared = Header::is_gpre(&start);
+        if !is_prepared {
+            must_be_text(&start, if is_gzip { None } else { size })?;
         }
         let unpacked = counting(Box::new(Cursor::new(start).chain(reader)), |place| &place.unpacked);
         let mut reader = BufReader::with_capacity(LOOK_BYTES, unpacked);
@@ -320,10 +332,15 @@ fn ends(path: &Path) -> io::Result<[Vec<u8>; 2]> {
 
 /// Returns true if a file is a zip archive. Rewinds the file.
 fn is_zip(file: &mut File) -> io::Result<bool> {
+    begins_with(file, &ZIP_MAGICS)
+}
+
+/// Returns true if a file begins with one of these. Rewinds the file.
+fn begins_with(file: &mut File, magics: &[[u8; 4]]) -> io::Result<bool> {
     let mut magic = [0; 4];
-    let is_zip = file.read_exact(&mut magic).is_ok() && ZIP_MAGICS.contains(&magic);
+    let begins = file.read_exact(&mut magic).is_ok() && magics.contains(&magic);
     file.rewind()?;
-    Ok(is_zip)
+    Ok(begins)
 }
 
 /// The size in a gzip file's last four bytes; 0 for another file. Rewinds the file.

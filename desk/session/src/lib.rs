@@ -9,6 +9,7 @@ pub mod command_code;
 mod comments;
 pub mod desk;
 pub mod duration;
+pub mod extent;
 pub mod gpre;
 pub mod input;
 pub mod job;

@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use crate::desk::Figures;
 use crate::duration::hms;
+use crate::extent::Extent;
 use crate::input::SlicerFigures;
 use crate::job::JobError;
 use crate::limit_shares::LimitShare;
@@ -90,6 +91,9 @@ pub struct Summary {
     pub unknown_commands: Vec<String>,
     /// Moves whose target a soft limit changed.
     pub clamped_moves: u64,
+    /// Box of the places where the file extrudes, before any soft limit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub extent_mm: Option<Extent>,
     /// Virtual time from the first line to the last step.
     pub print_time_s: f64,
     /// Sum of the blocks' durations, homing left out.
@@ -178,6 +182,9 @@ impl fmt::Display for Summary {
         writeln!(out, "  filament     {:.3} m", self.filament_mm / 1000.0)?;
         let layers = if self.layers > 0 { format!(", {} layers", self.layers) } else { String::new() };
         writeln!(out, "  moves        {} in {}{layers}", self.moves, counted(self.lines.into(), "line"))?;
+        if let Some(extent) = &self.extent_mm {
+            writeln!(out, "  extent       {extent}")?;
+        }
         let at = &self.position_mm;
         writeln!(out, "  position     X{:.3} Y{:.3} Z{:.3} E{:.5}", at.x, at.y, at.z, at.e)?;
         if let Some(motors) = &self.motors {

@@ -8,6 +8,7 @@ use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 
 use crate::desk::{Desk, LineEnds, MotionState};
+use crate::extent::ExtentFinder;
 use crate::gpre;
 use crate::input::Input;
 use crate::job::{self, JobError, JobProgress};
@@ -46,13 +47,15 @@ pub fn summed_up<D: Desk>(
     let follows = wanted.has_parts && !input.is_prepared() && session.desk().follow_lines(Rc::clone(&ends));
     let mut parts =
         follows.then(|| Parts::new(ends, || (session.desk().now_ns() as f64 * 1e-9, session.desk().state().tick())));
+    let mut extent = ExtentFinder::default();
     let outcome = if input.is_prepared() {
         // A prepared job is planned already, and most of it fits into the look-ahead: only its
         // execution takes time.
         let job = gpre::play_from(wanted.from, input, profile, &mut printer, &mut done, look);
         session.run_with(job, |_| between())
     } else {
-        let mut onlookers = (&mut watch, &mut parts);
+        let mut watches = (&mut extent, &mut watch);
+        let mut onlookers = (&mut watches, &mut parts);
         let run = job::run_watched(input, &mut printer, &mut done, Macros::chosen(), &mut onlookers, look);
         let outcome = session.run(run);
         watch.end_of_text(outcome.is_ok());
@@ -76,6 +79,7 @@ pub fn summed_up<D: Desk>(
         moves: tally.moves,
         unknown_commands: session.replies().unknown_commands(),
         clamped_moves: tally.clamped_moves,
+        extent_mm: extent.extent(),
         print_time_s: figures.print_time_s,
         motion_time_s: figures.motion_time_s,
         rules,

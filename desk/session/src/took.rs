@@ -68,7 +68,7 @@ impl FromStr for Duration {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let refused = || format!("\"{text}\" is no duration above 0: expected 5h01, 5h01m30s, 5:01:30, 301m or 90s");
+        let refused = || format!("\"{text}\" is not a duration above 0: expected 5h01, 5h01m30s, 5:01:30, 301m or 90s");
         let text = text.trim().to_ascii_lowercase();
         let mut seconds = 0.0;
         if text.contains(':') {

@@ -125,7 +125,7 @@ impl Request {
                 let value = text()?;
                 // `parse` would take a sign.
                 let length = value.bytes().all(|byte| byte.is_ascii_digit()).then(|| value.parse().ok()).flatten();
-                let length = length.ok_or_else(|| Answer::text(400, "Content-Length is no number of bytes"))?;
+                let length = length.ok_or_else(|| Answer::text(400, "Content-Length is not a number of bytes"))?;
                 match self.length.replace(length) {
                     None => Ok(()),
                     Some(_) => Err(Answer::text(400, "Content-Length is given twice")),

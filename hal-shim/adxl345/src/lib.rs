@@ -1,63 +1,64 @@
-//! The accelerometer ADXL345 over SPI: its identity, rate, resolution, and the
-//! samples in its memory.
+//! Driver for the ADXL345 accelerometer over SPI: identity check, rate, resolution, and the samples
+//! in the FIFO.
 //!
 //! Registers and bits are those of the ADXL345 data sheet, revision G: *Register map*, *Register
-//! definitions*, *FIFO*. The bus is any [`SpiDevice`] of four wires in mode 3, which may be clocked
-//! at 1.6 MHz at most: up to there a sample's address takes the 5 us that the memory needs from one
-//! sample to the next (*Retrieving data from FIFO*).
+//! definitions*, *FIFO*. The bus is any four-wire [`SpiDevice`] in mode 3, clocked at no more than
+//! 1.6 MHz: up to that clock, sending a sample's address takes the 5 us that the FIFO needs between
+//! two samples (*Retrieving data from FIFO*).
 #![cfg_attr(not(test), no_std)]
 
 use embedded_hal::spi::SpiDevice;
 use ferrostep_hal_shim::{AccelerometerChip, AccelerometerFault, AccelerometerType, WaitingSamples};
 
-/// The type: its faster rates, and its two resolutions of +-16 g.
+/// Sensor type: the chip's faster rates, and its two resolutions at +-16 g.
 pub const TYPE: AccelerometerType = AccelerometerType {
     name: "ADXL345",
     rates_hz: &[25, 50, 100, 200, 400, 800, 1600, 3200],
     resolution_bits: &[10, 13],
 };
 
-/// Fastest clock at which samples may follow each other without a pause, Hz.
+/// Fastest clock at which samples can be read without a pause between them, Hz.
 pub const MAX_CLOCK_HZ: u32 = 1_600_000;
 
-/// Bits of a frame's first byte: the register is read (`READ`), and the registers after it
-/// follow (`MANY`).
+/// Flags in the first byte of a frame: read the register (`READ`), and continue with the registers
+/// after it (`MANY`).
 const READ: u8 = 0x80;
 const MANY: u8 = 0x40;
 
-/// DEVID and its value.
+/// DEVID register and its expected value.
 const DEVICE_ID: u8 = 0x00;
 const IDENTITY: u8 = 0xe5;
-/// BW_RATE: the code of 25 Hz, whose successors double it.
+/// BW_RATE register, and the code of 25 Hz; each following code doubles the rate.
 const BANDWIDTH_RATE: u8 = 0x2c;
 const CODE_OF_25_HZ: u8 = 0b1000;
-/// POWER_CTL: at rest, and measuring.
+/// POWER_CTL register: standby and measuring.
 const POWER_CONTROL: u8 = 0x2d;
 const STANDBY: u8 = 0;
 const MEASURE: u8 = 1 << 3;
-/// INT_SOURCE: the memory has been filled.
+/// INT_SOURCE register: the flag of a FIFO overrun.
 const INTERRUPT_SOURCE: u8 = 0x30;
 const OVERRUN: u8 = 1;
-/// DATA_FORMAT: +-16 g, and 256 units a g instead of 1024 units for the whole range.
+/// DATA_FORMAT register: +-16 g; full resolution has 256 units per g instead of 1024 units for the
+/// whole range.
 const DATA_FORMAT: u8 = 0x31;
 const RANGE_16_G: u8 = 0b11;
 const FULL_RESOLUTION: u8 = 1 << 3;
-/// DATAX0, the first of six.
+/// DATAX0, the first of the six data registers.
 const DATA: u8 = 0x32;
-/// FIFO_CTL: no memory, which empties it, and the newest 32 samples.
+/// FIFO_CTL register: bypass, which empties the FIFO, and streaming of the newest 32 samples.
 const FIFO_CONTROL: u8 = 0x38;
 const BYPASS: u8 = 0;
 const STREAM: u8 = 0b10 << 6;
-/// FIFO_STATUS: its bits with the number of samples. One more than 32 is possible: the output
-/// filter may hold it.
+/// FIFO_STATUS register and the bits that hold the number of samples. The count may exceed 32 by
+/// one: the output filter can hold another sample.
 const FIFO_STATUS: u8 = 0x39;
 const ENTRIES: u8 = 0x3f;
 const MAX_ENTRIES: u8 = 33;
 
-/// Maximum number of bits of a sample that are 1024 units for the whole range.
+/// Maximum resolution, in bits, at which the whole range is 1024 units.
 const COARSE_BITS: u8 = 10;
 
-/// The chip, all three axes to +-16 g.
+/// An ADXL345 with all three axes set to +-16 g.
 #[derive(Debug)]
 pub struct Adxl345<S> {
     spi: S,
@@ -65,7 +66,7 @@ pub struct Adxl345<S> {
 }
 
 impl<S: SpiDevice> Adxl345<S> {
-    /// A chip on a bus. Nothing is sent.
+    /// Creates the driver without any transfer on the bus.
     pub const fn new(spi: S) -> Self {
         Self { spi, is_full: true }
     }
@@ -96,7 +97,7 @@ impl<S: SpiDevice> AccelerometerChip for Adxl345<S> {
         self.check()?;
         let doublings = TYPE.rates_hz.iter().position(|known| *known >= rate_hz).unwrap_or(TYPE.rates_hz.len() - 1);
         self.is_full = resolution_bits > COARSE_BITS;
-        // At rest, as the data sheet advises for a change of settings.
+        // Standby first: the data sheet advises it before settings change.
         let settings = [
             (BANDWIDTH_RATE, CODE_OF_25_HZ + doublings as u8),
             (DATA_FORMAT, if self.is_full { FULL_RESOLUTION | RANGE_16_G } else { RANGE_16_G }),
@@ -116,12 +117,12 @@ impl<S: SpiDevice> AccelerometerChip for Adxl345<S> {
     }
 
     fn end(&mut self) {
-        // Without an answer the host has left.
+        // Without an answer the chip is disconnected: there is nothing to end.
         let _ = self.write(POWER_CONTROL, STANDBY);
     }
 
     fn waiting(&mut self) -> Result<WaitingSamples, AccelerometerFault> {
-        // The count first: reading samples clears the mark, which must not come between the two.
+        // Count first: reading samples clears the overrun flag, so nothing may be read in between.
         let status = self.read(FIFO_STATUS)?;
         let samples = status & ENTRIES;
         if samples > MAX_ENTRIES {
@@ -134,8 +135,8 @@ impl<S: SpiDevice> AccelerometerChip for Adxl345<S> {
         let mut frame = [READ | MANY | DATA, 0, 0, 0, 0, 0, 0];
         self.spi.transfer_in_place(&mut frame).map_err(|_| AccelerometerFault::Bus)?;
         let [_, x0, x1, y0, y1, z0, z1] = frame;
-        // A unit is 1/256 g = 3906.25 ug with full resolution, otherwise 1/32 g (*Specifications*,
-        // typical). No 16 bits overflow.
+        // A unit is 1/256 g = 3906.25 ug at full resolution, otherwise 1/32 g (*Specifications*,
+        // typical). No 16-bit value overflows.
         let micro_g = |units: i32| if self.is_full { units * 15_625 / 4 } else { units * 31_250 };
         Ok([[x0, x1], [y0, y1], [z0, z1]].map(|bytes| micro_g(i16::from_le_bytes(bytes).into())))
     }

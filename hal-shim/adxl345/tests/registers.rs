@@ -1,4 +1,4 @@
-//! The driver on a chip of registers, whose rules are the data sheet's.
+//! The driver against a register model of the chip that follows the data sheet.
 #![allow(clippy::unwrap_used)]
 
 use std::cell::RefCell;
@@ -9,17 +9,17 @@ use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 use ferrostep_adxl345::Adxl345;
 use ferrostep_hal_shim::{AccelerometerChip, AccelerometerFault, WaitingSamples};
 
-/// Change of a byte on the wire.
+/// Change to a byte on the wire.
 type Wire = fn(u8) -> u8;
 
-/// A chip that does as the data sheet's pages *Serial communications*, *Register
-/// map* and *FIFO* say.
+/// Model of the chip after the data sheet's sections *Serial communications*, *Register map* and
+/// *FIFO*.
 #[derive(Debug)]
 struct Chip {
     registers: [u8; 64],
     memory: VecDeque<[i16; 3]>,
     is_filled: bool,
-    /// Bits that a loose wire makes of those that are sent, and of those that come.
+    /// Effect of a loose wire on the bytes sent to the chip, and on those received from it.
     hears: Wire,
     says: Wire,
     frames: usize,
@@ -85,7 +85,7 @@ impl Chip {
     }
 }
 
-/// Bus of the chip.
+/// SPI bus with the model attached.
 #[derive(Debug)]
 struct Bus<'a>(&'a RefCell<Chip>);
 
@@ -112,7 +112,7 @@ fn it_is_set_up_at_rest_and_then_measures() {
     for (rate_hz, code) in [(25, 8), (50, 9), (100, 10), (200, 11), (400, 12), (800, 13), (1600, 14), (3200, 15)] {
         for (bits, format) in [(10, 0b0011), (13, 0b1011)] {
             let chip = Chip::new();
-            // It was measuring before, and its memory is not empty.
+            // The chip was measuring before, and its FIFO is not empty.
             (chip.borrow_mut().registers[0x2d], chip.borrow_mut().registers[0x38]) = (8, 0x80);
             chip.borrow_mut().sample([1, 2, 3]);
             let mut driver = Adxl345::new(Bus(&chip));
@@ -140,7 +140,7 @@ fn samples_come_oldest_first_in_millionths_of_gravity() {
     driver.begin(800, 10).unwrap();
     chip.borrow_mut().sample([32, -512, 511]);
     assert_eq!(driver.take(), Ok([1_000_000, -16_000_000, 15_968_750]));
-    // Bits from a disturbed bus overflow nothing.
+    // Random bits from a disturbed bus cause no overflow.
     for bits in [10, 13] {
         driver.begin(800, bits).unwrap();
         chip.borrow_mut().sample([i16::MIN, i16::MAX, -1]);
@@ -171,12 +171,12 @@ fn a_full_memory_is_told_until_it_is_read() {
 fn loose_wires_and_other_chips_are_told_apart_from_samples() {
     let identity = |read| AccelerometerFault::Identity { read, expected: 0xe5 };
     let faults: [(Wire, Wire, AccelerometerFault); 4] = [
-        // The line is undriven or shorted.
+        // The data line is undriven or shorted.
         (|byte| byte, |_| 0xff, identity(0xff)),
         (|byte| byte, |_| 0x00, identity(0x00)),
-        // Another chip's number.
+        // Another chip's identity number.
         (|byte| byte, |byte| if byte == 0xe5 { 0x44 } else { byte }, identity(0x44)),
-        // A bit of the sent bytes is lost: settings stay unchanged.
+        // A bit of the sent bytes is lost, so settings stay unchanged.
         (|byte| byte & !0x08, |byte| byte, AccelerometerFault::Settings),
     ];
     for (hears, says, fault) in faults {
@@ -186,7 +186,7 @@ fn loose_wires_and_other_chips_are_told_apart_from_samples() {
         assert_eq!(driver.begin(800, 13), Err(fault));
         assert!(!chip.borrow().measures(), "{fault:?}");
     }
-    // It is pulled out while it measures.
+    // The chip is disconnected while it measures.
     let chip = Chip::new();
     let mut driver = Adxl345::new(Bus(&chip));
     driver.begin(800, 13).unwrap();
@@ -195,7 +195,7 @@ fn loose_wires_and_other_chips_are_told_apart_from_samples() {
     assert_eq!(driver.check(), Err(identity(0xff)));
 }
 
-/// A bus that fails, as one of hardware may.
+/// A bus whose transfers fail.
 #[derive(Debug)]
 struct Broken;
 

@@ -1,15 +1,15 @@
-//! Data that is reached in critical sections only.
+//! Data accessible only within critical sections.
 
 use core::cell::{Ref, RefCell, RefMut, UnsafeCell};
 
 use crate::proof::CriticalSection;
 
-/// Data that is reached in critical sections only.
+/// Data accessible only within critical sections.
 #[derive(Debug)]
 pub struct Mutex<T>(UnsafeCell<T>);
 
-// SAFETY: the data is reached with a proof that a critical section is active, which no other code
-// interrupts that could have another proof.
+// SAFETY: access to the data requires proof of an active critical section, and no code that could
+// hold another proof can interrupt that section.
 unsafe impl<T: Send> Sync for Mutex<T> {}
 
 impl<T> Mutex<T> {
@@ -18,17 +18,17 @@ impl<T> Mutex<T> {
         Self(UnsafeCell::new(value))
     }
 
-    /// The value; the mutex is borrowed here alone.
+    /// Borrows the value without a critical section, through the exclusive reference to the mutex.
     pub fn get_mut(&mut self) -> &mut T {
         self.0.get_mut()
     }
 
-    /// The value, without its guard.
+    /// Unwraps the value.
     pub fn into_inner(self) -> T {
         self.0.into_inner()
     }
 
-    /// The value, for as long as the critical section lasts.
+    /// Borrows the value for the duration of the critical section.
     pub fn borrow<'cs>(&'cs self, _section: CriticalSection<'cs>) -> &'cs T {
         // SAFETY: only shared references are handed out, in critical sections, which do not
         // interrupt each other.
@@ -37,25 +37,25 @@ impl<T> Mutex<T> {
 }
 
 impl<T> Mutex<RefCell<T>> {
-    /// Replaces the value and returns the one before.
+    /// Replaces the value and returns the old one.
     #[track_caller]
     pub fn replace<'cs>(&'cs self, section: CriticalSection<'cs>, value: T) -> T {
         self.borrow(section).replace(value)
     }
 
-    /// Replaces the value by one made from it, and returns the one before.
+    /// Replaces the value with one computed from it, and returns the old value.
     #[track_caller]
     pub fn replace_with<'cs>(&'cs self, section: CriticalSection<'cs>, f: impl FnOnce(&mut T) -> T) -> T {
         self.borrow(section).replace_with(f)
     }
 
-    /// Borrows the value.
+    /// Borrows the value immutably.
     #[track_caller]
     pub fn borrow_ref<'cs>(&'cs self, section: CriticalSection<'cs>) -> Ref<'cs, T> {
         self.borrow(section).borrow()
     }
 
-    /// Borrows the value to change it.
+    /// Borrows the value mutably.
     #[track_caller]
     pub fn borrow_ref_mut<'cs>(&'cs self, section: CriticalSection<'cs>) -> RefMut<'cs, T> {
         self.borrow(section).borrow_mut()
@@ -63,7 +63,7 @@ impl<T> Mutex<RefCell<T>> {
 }
 
 impl<T: Default> Mutex<RefCell<T>> {
-    /// Takes the value and leaves its default.
+    /// Takes the value and leaves the default instead.
     #[track_caller]
     pub fn take<'cs>(&'cs self, section: CriticalSection<'cs>) -> T {
         self.borrow(section).take()

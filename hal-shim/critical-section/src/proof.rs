@@ -10,7 +10,7 @@ impl<'cs> CriticalSection<'cs> {
     /// Claims that a critical section is active.
     ///
     /// # Safety
-    /// One is, for all of `'cs`.
+    /// A critical section must be active for all of `'cs`.
     #[inline(always)]
     pub const unsafe fn new() -> Self {
         Self(PhantomData)

@@ -1,16 +1,15 @@
-//! BASEPRI, raised and restored.
+//! Raising and restoring BASEPRI.
 //!
 //! Between the two no other code runs that enters a critical section or touches guarded data. There
-//! is one core, and these could interrupt it:
+//! is one core, and only these could interrupt it:
 //!
 //! - Interrupts and exceptions of configurable priority below the highest are masked by BASEPRI. A
-//!   write to BASEPRI_MAX can only raise the priority: within an RTIC lock or another critical
-//!   section the stricter of both rules, and [`restore`] puts back the former state, never
-//!   less. PRIMASK is left alone, so that sections within `init` and after `safe_state::enter`,
-//!   where it is set, do not clear it.
-//! - Hardware priority 0 is the step task's, which does neither. Unused interrupts have it
-//!   after reset as well, but are not enabled; should one come nevertheless, it ends in a
-//!   handler that never returns.
+//! write to BASEPRI_MAX can only raise the priority: within an RTIC lock or another critical
+//! section the stricter mask applies, and [`restore`] puts back the former state, never a weaker
+//! one. PRIMASK is left alone, so that sections within `init` and after `safe_state::enter`,
+//! where it is set, do not clear it.
+//! - Hardware priority 0 belongs to the step task, which does neither. Unused interrupts also have
+//! it after reset, but are not enabled; if one occurs nevertheless, its handler never returns.
 //! - Non-maskable interrupt and faults end in handlers that never return.
 
 #[cfg(target_arch = "arm")]
@@ -21,8 +20,8 @@ use core::arch::asm;
 #[cfg(target_arch = "arm")]
 const ALL_BUT_HIGHEST: u8 = 1 << 4;
 
-/// Raises BASEPRI and returns the value it had. `isb` as in RTIC's locks: the section begins after
-/// the priority has changed.
+/// Raises BASEPRI and returns its previous value. `isb` as in RTIC's locks: the section begins
+/// after the priority has changed.
 #[cfg(target_arch = "arm")]
 #[inline(always)]
 pub fn raise() -> u32 {
@@ -32,7 +31,7 @@ pub fn raise() -> u32 {
     unsafe {
         asm!(
             "mrs {before}, BASEPRI",
-            // Next to its use, where the test that reads the image finds it.
+            // Kept next to its use, where the test that reads the image finds it.
             "mov {masked}, #{ALL_BUT_HIGHEST}",
             "msr BASEPRI_MAX, {masked}",
             "isb",
@@ -48,7 +47,7 @@ pub fn raise() -> u32 {
 /// Restores BASEPRI.
 ///
 /// # Safety
-/// `before` is from the [`raise`] that this belongs to.
+/// `before` must come from the matching [`raise`].
 #[cfg(target_arch = "arm")]
 #[inline(always)]
 pub unsafe fn restore(before: u32) {
@@ -58,15 +57,15 @@ pub unsafe fn restore(before: u32) {
     }
 }
 
-/// A placeholder: the desk only compiles this crate, and has no critical sections.
+/// Placeholder: on a PC this crate is only compiled, and has no critical sections.
 #[cfg(not(target_arch = "arm"))]
 pub fn raise() -> u32 {
     unimplemented!("critical sections are the Cortex-M's")
 }
 
-/// A placeholder: the desk only compiles this crate.
+/// Placeholder: on a PC this crate is only compiled.
 ///
 /// # Safety
-/// Any use is safe: it has no effect.
+/// Any use is safe: the function has no effect.
 #[cfg(not(target_arch = "arm"))]
 pub unsafe fn restore(_before: u32) {}

@@ -1,13 +1,14 @@
-//! An EEPROM 24C32 as a flash of four sectors, so that the records of settings lie in it as in a
-//! chip's own flash.
+//! A 24C32 EEPROM presented as a flash of four sectors, so that settings records are stored in it
+//! as in a microcontroller's own flash.
 //!
-//! 4 KiB in pages of 32 bytes; after a page the EEPROM writes for up to 10 ms (AT24C32 of 2.7 V; 5
-//! ms: AT24C32E, 24LC32A, M24C32) and does not acknowledge its address meanwhile: it is asked
-//! again until it does. An erasure writes 0xff, 32 pages. Nothing depends on the time that a write
-//! takes, so that any task may interrupt this one. Each page lasts 1,000,000 writes (the same data
+//! 4 KiB in pages of 32 bytes. After a page the EEPROM writes for up to 10 ms (AT24C32 at 2.7 V; 5
+//! ms: AT24C32E, 24LC32A, M24C32) and does not acknowledge its address meanwhile; the driver polls
+//! it until it does. Erasing a sector writes 0xff to its 32 pages. Nothing depends on how long a
+//! write takes, so any task may interrupt this one. Each page lasts 1,000,000 writes (the same data
 //! sheets, endurance).
 //!
-//! A cut of the power within a page leaves anything in its 32 bytes, and nothing elsewhere.
+//! A power cut during a page write leaves arbitrary data in the 32 bytes of that page; all other
+//! pages keep their contents.
 #![cfg_attr(not(test), no_std)]
 
 use embedded_hal::i2c::{Error, ErrorKind, I2c, NoAcknowledgeSource, Operation};
@@ -15,33 +16,33 @@ use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
 };
 
-/// Length of the memory, bytes.
+/// Size of the memory, bytes.
 pub const BYTES: usize = 4096;
 
-/// Bytes that are written together, and that a write does not go beyond.
+/// Size of a page, bytes: a single write cannot cross its end.
 pub const PAGE_BYTES: usize = 32;
 
-/// Bytes that are erased together: room for a record.
+/// Size of a sector, the unit of erasing, bytes: room for one record.
 pub const SECTOR_BYTES: usize = 1024;
 
-/// The slowest bus on which `MAX_ASKED` is meant, and the fastest that every 24C32
-/// knows at 3.3 V, Hz.
+/// Bus clock, Hz: the slowest for which `MAX_ASKED` is chosen, and the fastest that every 24C32
+/// supports at 3.3 V.
 pub const BUS_HZ: u32 = 100_000;
 
-/// Maximum number of requests to an EEPROM that does not acknowledge its address: each takes at
-/// least 10 clocks, so that together they take twice the longest time of a write.
+/// Maximum number of address polls while the EEPROM does not acknowledge. Each takes at least 10
+/// clocks, so together they take twice the time of the longest write.
 const MAX_ASKED: u32 = 200;
 
 /// A fault of the EEPROM or of its bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EepromFault {
-    /// No acknowledge of its address for longer than a write takes.
+    /// The EEPROM has not acknowledged its address for longer than a write takes.
     Silent,
     /// The EEPROM does not acknowledge data.
     Protected,
-    /// The bus: one of its lines stays low.
+    /// Bus fault: one of the lines stays low.
     Bus,
-    /// No such bytes.
+    /// The address range is outside the memory.
     Place,
 }
 
@@ -68,7 +69,7 @@ impl From<EepromFault> for &'static str {
     }
 }
 
-/// The EEPROM.
+/// Driver for the EEPROM.
 #[derive(Debug)]
 pub struct Eeprom<B> {
     bus: B,
@@ -76,14 +77,14 @@ pub struct Eeprom<B> {
 }
 
 impl<B: I2c> Eeprom<B> {
-    /// The EEPROM at an address from 0x50 to 0x57, on a bus of [`BUS_HZ`] at most.
-    /// Nothing is asked yet.
+    /// Creates the driver for an EEPROM at an address from 0x50 to 0x57, on a bus of [`BUS_HZ`] at
+    /// most, without any transfer.
     pub const fn new(bus: B, address: u8) -> Self {
         Self { bus, address }
     }
 
-    /// Names a place and runs an operation there: repeats the request until the chip has
-    /// written its last bytes.
+    /// Selects a memory address and runs an operation there; repeats the request until the chip has
+    /// finished its last write.
     #[inline(never)]
     fn at(&mut self, place: u32, operation: Operation<'_>) -> Result<(), EepromFault> {
         let [.., high, low] = place.to_be_bytes();
@@ -135,7 +136,7 @@ impl<B: I2c> NorFlash for Eeprom<B> {
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), EepromFault> {
         check_write(self, offset, bytes.len())?;
         let (mut place, mut rest) = (offset, bytes);
-        // Page by page; the first part may begin inside a page.
+        // Page by page; the first part may begin in the middle of a page.
         while !rest.is_empty() {
             let room = PAGE_BYTES - place as usize % PAGE_BYTES;
             let (page, others) = rest.split_at(room.min(rest.len()));

@@ -1,5 +1,5 @@
-//! The EEPROM against a model of the chip at the level of transfers: pages, write cycles, and
-//! cuts of the power.
+//! The EEPROM driver against a transfer-level model of the chip: pages, write cycles, and power
+//! cuts.
 #![allow(clippy::unwrap_used)]
 
 use std::cell::RefCell;
@@ -9,26 +9,26 @@ use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use ferrostep_eeprom::{BUS_HZ, BYTES, Eeprom, EepromFault, PAGE_BYTES, SECTOR_BYTES};
 use ferrostep_settings::{Entry, MAX_BYTES, MAX_VALUES, RecordWriter, SLOT_BYTES, Store, StoreError, next_random};
 
-/// Longest write of any 24C32, s.
+/// Longest write time of any 24C32, s.
 const WRITE_S: f64 = 0.010;
 
 /// Moment at which the power fails.
 #[derive(Clone, Copy, Debug)]
 struct Cut {
-    /// Pages that are still written.
+    /// Number of pages still written before the cut.
     pages: u32,
-    /// Seed of the contents of the page in which the power fails; `None`: it fails before the stop,
-    /// which begins the write.
+    /// Seed of the contents of the page during whose write the power fails; `None`: the power fails
+    /// before the stop condition, which begins the write.
     within: Option<u32>,
 }
 
-/// A 24C32 by its data sheet (AT24C32E: device addressing, page write, acknowledge polling,
-/// sequential read).
+/// A 24C32 as its data sheet describes it (AT24C32E: device addressing, page write, acknowledge
+/// polling, sequential read).
 struct Chip {
     address: u8,
     bytes: Vec<u8>,
     pointer: usize,
-    /// Transfers that it does not acknowledge after a page.
+    /// Number of transfers left unacknowledged after a page.
     cycle: u32,
     busy: u32,
     is_protected: bool,
@@ -82,7 +82,7 @@ impl Chip {
             && pages == self.pages
         {
             self.is_off = true;
-            // An erasure of the whole page comes first, in its own time.
+            // The chip first erases the whole page, which takes time as well.
             if let Some(mut seed) = within {
                 for place in page..page + PAGE_BYTES {
                     let old = self.bytes[place];
@@ -127,7 +127,7 @@ impl I2c for Bus<'_> {
             chip.busy = chip.busy.saturating_sub(1);
             return Err(ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address));
         }
-        // Writes in a row are one run of bytes.
+        // Consecutive writes form one run of bytes.
         let mut heard = Vec::new();
         for operation in operations.iter() {
             if let Operation::Write(bytes) = operation {
@@ -165,7 +165,7 @@ fn load(chip: &RefCell<Chip>) -> Result<Option<Vec<u8>>, StoreError> {
     Ok(Store::new(Eeprom::new(Bus(chip), 0x50)).unwrap().load(&mut slot)?.map(<[u8]>::to_vec))
 }
 
-/// A record that differs from all others, of 1 to 80 values.
+/// A unique record of 1 to 80 values.
 fn record(number: u32) -> Vec<u8> {
     let mut record = RecordWriter::new("corexy");
     for index in 0..=(number * 7 % MAX_VALUES as u32) as u8 {
@@ -213,7 +213,7 @@ fn what_it_does_not_have_is_refused() {
 /// Breaks a chip.
 type Break = fn(&mut Chip);
 
-/// Each fault has its words, and takes a bounded number of transfers.
+/// Every fault has its own message, and takes a bounded number of transfers.
 #[test]
 fn faults_are_named_and_bounded() {
     let faults: [(Break, &str); 5] = [
@@ -232,21 +232,21 @@ fn faults_are_named_and_bounded() {
         assert_eq!(save(&chip, &record(2)).unwrap_err().to_string(), words);
         assert!(chip.borrow().is_asked < 400, "{words}: {} transfers", chip.borrow().is_asked);
     }
-    // The longest write is waited for: the transfers of an address alone that are allowed
-    // take twice its time.
+    // The driver waits out the longest write: the permitted address polls alone take twice its
+    // time.
     let chip = RefCell::new(Chip::erased());
     chip.borrow_mut().cycle = (2.0 * WRITE_S * f64::from(BUS_HZ) / 11.0) as u32;
     save(&chip, &record(2)).unwrap();
     assert_eq!(load(&chip), Ok(Some(record(2))));
 }
 
-/// Every page of 240 saves of 1 to 80 values, which go round the sectors 60 times; at each the
-/// power goes before the write, and, by six seeds, within it: anything may be in the page then.
-/// Every fifth time the next save begins with the contents that such a cut has left.
+/// Cuts the power at every page of 240 saves of 1 to 80 values, which go round the sectors 60
+/// times: once before the page's write and, with six seeds, during it, which leaves anything in the
+/// page. Every fifth time the next save begins with the contents left by such a cut.
 #[test]
 fn a_cut_leaves_the_old_record_or_the_new_one() {
     let (mut cuts, mut news, mut seed) = (0_u32, 0_u32, 1);
-    // Earlier contents of a chip, such as Marlin's settings, do not matter.
+    // Earlier contents of the chip, such as Marlin's settings, have no influence.
     let mut bytes: Vec<u8> = (0..BYTES).map(|at| (at * at) as u8).collect();
     for number in 0..240 {
         let chip = RefCell::new(Chip::new(bytes.clone()));
@@ -281,7 +281,7 @@ fn a_cut_leaves_the_old_record_or_the_new_one() {
     assert!(cuts >= 60_000 && news > 0, "{cuts}, {news}");
 }
 
-/// The times of the book (docs/src/settings.md), on a bus of 100 kHz with the slowest chip.
+/// Times given in the book (docs/src/settings.md), for a 100 kHz bus and the slowest chip.
 #[test]
 fn the_longest_record_fits_and_takes_less_than_two_seconds() {
     let seconds = |chip: &RefCell<Chip>| {
@@ -292,7 +292,7 @@ fn the_longest_record_fits_and_takes_less_than_two_seconds() {
     };
     let longest = vec![0xa5; MAX_BYTES];
     let chip = RefCell::new(Chip { cycle: 0, ..Chip::erased() });
-    // All four sectors have one.
+    // All four sectors hold a record.
     for number in 0..4 {
         save(&chip, &[&longest[1..], &[number]].concat()).unwrap();
     }
@@ -311,7 +311,7 @@ fn the_longest_record_fits_and_takes_less_than_two_seconds() {
     assert!(longest_save_s < 2.0 && longest_load_s < 0.5, "{longest_save_s}, {longest_load_s}");
 }
 
-/// All pages are written alike: a cell 2 times in 4 saves.
+/// All pages wear evenly: a cell is written twice in 4 saves.
 #[test]
 fn sectors_wear_alike() {
     let chip = RefCell::new(Chip::erased());

@@ -1,15 +1,15 @@
-//! Addresses of the STM32F4's registers by their names in the register description, as constants.
+//! Addresses of the STM32F4's registers as constants, taken by name from the register description.
 //!
-//! `ferrostep-stm32f4` reaches registers by address, so that the desk can record what it stores;
-//! [`register!`] takes that address from the description (`stm32f4`, stm32f4xx-hal's `pac`) when
-//! the code is compiled. A name that the chip lacks does not compile.
+//! `ferrostep-stm32f4` reaches registers by address, so that a PC can record what it stores;
+//! [`register!`] takes that address from the description (`stm32f4`, stm32f4xx-hal's `pac`) at
+//! compile time. A name that the chip lacks does not compile.
 //!
-//! The crate has unsafe code for the distance between a block's first byte and a register: the
-//! description names registers by methods, which want a block.
+//! The crate needs unsafe code to compute the offset of a register within its block: the
+//! description names registers by methods, which need a block.
 #![no_std]
 #![deny(clippy::undocumented_unsafe_blocks)]
 
-// One chip a build: the board's, or on the desk the STM32F407.
+// One chip per build: the board's, or on a PC the STM32F407.
 #[cfg(all(target_os = "none", feature = "stm32f405"))]
 #[doc(hidden)]
 pub use stm32f4::stm32f405 as pac;
@@ -35,11 +35,11 @@ impl<Block, const ADDRESS: usize> Peripheral for stm32f4::Periph<Block, ADDRESS>
     const ADDRESS: u32 = ADDRESS as u32;
 }
 
-/// Address of a peripheral's first register, or of a register of the peripheral, as a constant
+/// Yields the address of a peripheral's first register, or of one of its registers, as a constant
 /// `u32`.
 ///
-/// `register!(IWDG)` is the watchdog's first register, `register!(IWDG.rlr)` its reload value,
-/// `register!(DMA2.st[3].cr)` the settings of the fourth stream.
+/// `register!(IWDG)` is the watchdog's first register, `register!(IWDG.rlr)` its reload register,
+/// `register!(DMA2.st[3].cr)` the configuration register of stream 3.
 #[macro_export]
 macro_rules! register {
     ($peripheral:ident) => {
@@ -48,8 +48,8 @@ macro_rules! register {
     ($peripheral:ident $(. $name:ident $([$index:expr])?)+) => {
         const {
             type Block = <$crate::pac::$peripheral as $crate::Peripheral>::Block;
-            // SAFETY: a block consists of integers of 8, 16 and 32 bits, for which zeros are a
-            // value.
+            // SAFETY: a block consists of integers of 8, 16 and 32 bits, for which all zeros is a
+            // valid value.
             let block: Block = unsafe { ::core::mem::zeroed() };
             let register = ::core::ptr::from_ref(block $(.$name($($index)?))+);
             // SAFETY: the register is part of the block.
@@ -69,19 +69,19 @@ mod tests {
     use std::string::String;
     use std::vec::Vec;
 
-    /// Files that may contain a typed address, with the number of lines: the backup SRAM is no
-    /// register, and the core's registers are not the chip's.
+    /// Files that may contain a literal address, with the number of such lines: the backup SRAM is
+    /// not a register, and the core's registers are not the chip's.
     const TYPED: [(&str, usize); 2] =
         [("config/boards/src/registers.rs", 7), ("hal-shim/stm32f4/src/backup_memory.rs", 1)];
 
-    /// Files that are tests as a whole.
+    /// Files that consist of tests only.
     const TESTS: [&str; 3] = ["tests.rs", "late_clocks.rs", "mini_drivers.rs"];
 
     /// Folders whose code reaches registers.
     const FOLDERS: [&str; 5] =
         ["app", "config/boards/src", "hal-shim/stm32f4/src", "hal-shim/stm32f4-board/src", "hal-shim/stm32f4-usb/src"];
 
-    /// The sources of a folder, without tests that are files of their own.
+    /// Collects the sources of a folder, except test files.
     fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
         for entry in fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
@@ -95,7 +95,7 @@ mod tests {
         }
     }
 
-    /// A file without its module of tests; a test that is only named, `mod tests;`, ends nothing.
+    /// Lines of a file without its test module; a mere declaration, `mod tests;`, ends nothing.
     fn product(text: &str) -> impl Iterator<Item = &str> {
         let is_named = |part: &str| part.lines().next().is_some_and(|line| line.ends_with(';'));
         text.split("#[cfg(test)]\n")
@@ -114,7 +114,7 @@ mod tests {
         })
     }
 
-    /// RM0090's addresses that tests expect are typed on purpose; all other code has names.
+    /// Tests deliberately contain literal addresses from RM0090; all other code uses names.
     #[test]
     fn no_register_is_typed_by_hand() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap();
@@ -148,7 +148,7 @@ mod tests {
         assert!(!has_address("const LINES: u32 = 0x5555;"));
     }
 
-    /// RM0090, 2.3 and the peripherals' register maps.
+    /// Addresses match RM0090, 2.3 and the peripherals' register maps.
     #[test]
     fn addresses_are_the_manuals() {
         assert_eq!(register!(GPIOA), 0x4002_0000);

@@ -1,17 +1,17 @@
 //! The steps that a stop has dropped.
 
-/// Steps that were in the queue when motion was stopped: signed by direction, and both
-/// directions added.
+/// Steps that were queued when motion was stopped: as a signed sum, and as a total of both
+/// directions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DroppedSteps {
-    /// Forwards minus backwards, a motor each.
+    /// Forward minus backward steps, per motor.
     pub signed: [i32; 4],
-    /// All, a motor each.
+    /// Total of steps in both directions, per motor.
     pub issued: [u32; 4],
-    /// Ticks of the motion clock that they would have taken, where the queue keeps
-    /// that clock; else 0.
+    /// Time that the steps would have taken, in ticks of the motion clock, if the queue keeps that
+    /// clock; otherwise 0.
     pub ticks: u64,
-    /// A command or a fault has stopped motion, not only the sensor that an axis seeks.
+    /// True if a command or a fault stopped motion, not only the sensor of a homing axis.
     pub requested: bool,
 }
 
@@ -34,7 +34,8 @@ impl DroppedSteps {
 #[derive(Default)]
 pub(super) struct Left {
     pub(super) dropped: DroppedSteps,
-    /// Both edges: the motors with an odd number of them, whose signals are at the other level.
+    /// Both edges: motors with an odd number of unplayed events, whose signals are at the other
+    /// level.
     pub(super) odd_axes: u8,
 }
 

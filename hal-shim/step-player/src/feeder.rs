@@ -1,4 +1,4 @@
-//! Entries to slots: the producer's side of the queue.
+//! Conversion of entries to slots: the producer side of the queue.
 
 use core::marker::PhantomData;
 
@@ -11,29 +11,29 @@ use super::player::{MIN_GAP_TICKS, StepPlayer, Stepping};
 use super::slot::{Head, MAX_EVENTS, Numbering};
 use super::{IDLE_TICKS, StepLink};
 
-/// Maximum number of slots that one entry takes, unless it has more events than a slot: a direction
-/// change, the first step after it, the others.
+/// Maximum number of slots taken by one entry, unless it has more events than a slot holds: a
+/// direction change, the first step after it, the others.
 pub const MAX_SLOTS_AN_ENTRY: usize = 3;
 
 /// Slots of the ring that no entry takes: one for [`StepFeeder::seal`], and those of the slot in
-/// play and the one before, which show after a stop the entries that were not played.
+/// play and the one before, which show after a stop which entries were not played.
 const SPARE_SLOTS: usize = 3;
 
-/// The share of the ring that keeps the past, 1 / this ([`StepFeeder::keeping_past`]).
+/// Share of the ring that keeps the past, as 1 / this ([`StepFeeder::keeping_past`]).
 const PAST_SHARE: usize = 4;
 
-/// The drivers' limits for the signals, in ticks of the timer.
+/// Signal timing that the drivers require, in ticks of the timer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Signals {
-    /// Shortest time that a step signal stays at a level.
+    /// Minimum time for which a step signal keeps a level.
     pub pulse_ticks: u32,
-    /// Shortest time from a direction change to a step.
+    /// Minimum time from a direction change to a step.
     pub direction_setup_ticks: u32,
 }
 
 impl Signals {
-    /// The same, no shorter than the step interrupt can keep ([`MIN_GAP_TICKS`]): a longer pulse
-    /// harms no driver.
+    /// Limits raised to the minimum that the step interrupt can keep ([`MIN_GAP_TICKS`]): a longer
+    /// pulse harms no driver.
     const fn kept(self) -> Self {
         const fn at_least(ticks: u32) -> u32 {
             if ticks < MIN_GAP_TICKS { MIN_GAP_TICKS } else { ticks }
@@ -42,12 +42,12 @@ impl Signals {
     }
 }
 
-/// Reason why an entry was not taken; the queue is unchanged.
+/// Reason for which an entry was refused; the queue is unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FeedError {
     /// The ring is full.
     Full,
-    /// The interval is shorter than pulses, direction set-up and the interrupt allow.
+    /// The interval is shorter than the pulses, the direction set-up or the interrupt allow.
     TooNear,
 }
 
@@ -61,23 +61,23 @@ pub struct StepFeeder<'a, M, const PORTS: usize, const N: usize> {
     pins: PinMap<PORTS>,
     signals: Signals,
     words: StepWords<PORTS>,
-    /// Stairs with intervals above this, and no others, are usual: [`Usual`].
+    /// Threshold: only stairs with intervals above this are usual ([`Usual`]).
     usual_above_ticks: u32,
     /// Slots of the ring that no entry takes.
     spare: usize,
-    /// Slots filled so far, modulo 2^32; the place of the next is its remainder by the
-    /// size of the ring.
+    /// Number of slots filled so far, modulo 2^32; the index of the next slot is the remainder by
+    /// the size of the ring.
     filled: u32,
     newest: Newest<PORTS>,
     /// Direction signals at the newest event.
     directions: u8,
-    /// Direction signals from the next step on.
+    /// Direction signals from the next step on, if they change.
     turning: Option<u8>,
 }
 
 impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORTS, N> {
-    /// The feeder of a player that has not run yet; there must be no other. All step signals are
-    /// low, direction signals as [`Self::direction_words`].
+    /// Creates the feeder of a player that has not run yet; it must be the only one. All step
+    /// signals are low, direction signals as in [`Self::direction_words`].
     pub fn new(player: &'a StepPlayer<M, PORTS, N>, pins: PinMap<PORTS>, signals: Signals) -> Self {
         let signals = signals.kept();
         player.set_pulse_reload(signals.pulse_ticks - 1);
@@ -91,7 +91,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             filled: player.next_number(),
             newest: Newest {
                 numbering: Numbering::from(M::EVENTS_A_STEP, player.number_before(player.next_number())),
-                // All pins are low: the next edge of each sets it.
+                // All pins are low, so the next edge of each sets it.
                 turning: [0xffff; PORTS],
                 held: [0; PORTS],
             },
@@ -111,14 +111,14 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     }
 
     /// Excludes the step signals of these pins from the next entry on, so that some motors of an
-    /// axis stand still while the others move. An empty list lets all step again. At standstill
-    /// only, and after a stop only once [`Self::drop_all`] has been called.
+    /// axis stand still while the others move. An empty list lets all motors step again. At
+    /// standstill only, and after a stop only once [`Self::drop_all`] has been called.
     pub fn step_without(&mut self, pins: impl Iterator<Item = Pin>) {
         self.words = Self::step_words(&pins.fold(self.pins, PinMap::without_steps));
     }
 
-    /// Keeps a quarter of the ring for the slots played last, for [`StepPlayer::past`]. Without
-    /// this a planner that is far ahead fills the whole ring with slots to come.
+    /// Keeps a quarter of the ring for the slots played last, for [`StepPlayer::past`]. Otherwise a
+    /// planner that is far ahead fills the whole ring with future slots.
     #[must_use]
     pub fn keeping_past(mut self) -> Self {
         self.spare = SPARE_SLOTS + N / PAST_SHARE;
@@ -130,25 +130,25 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         self.player.link()
     }
 
-    /// Slots filled so far, modulo 2^32.
+    /// Number of slots filled so far, modulo 2^32.
     pub fn queued(&self) -> u32 {
         self.filled
     }
 
-    /// Slots played so far to their last event, modulo 2^32.
+    /// Number of slots played so far up to their last event, modulo 2^32.
     pub fn played(&self) -> u32 {
-        // Read in this order, a slot that ends in between is counted once too often,
-        // never once too few.
+        // In this reading order a slot that ends in between is counted once too often, never once
+        // too few.
         let in_play = u32::from(self.player.left() != Head::EMPTY);
         self.filled.wrapping_sub(self.unplayed()).wrapping_sub(in_play)
     }
 
-    /// Slots that have not been played, the one in play and the event held back included.
+    /// Number of unplayed slots, including the one in play and the event held back.
     pub fn waiting(&self) -> usize {
         self.filled.wrapping_sub(self.played()) as usize + usize::from(self.is_held())
     }
 
-    /// Slots that the interrupt has not begun.
+    /// Number of slots that the interrupt has not begun.
     fn unplayed(&self) -> u32 {
         self.filled.wrapping_sub(self.player.next_number())
     }
@@ -158,7 +158,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         self.newest.held != [0; PORTS]
     }
 
-    /// Slots that entries may take.
+    /// Number of slots that entries may take.
     #[inline]
     fn free(&self) -> usize {
         (N - self.spare).saturating_sub(self.unplayed() as usize)
@@ -172,14 +172,14 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     /// Adds an entry.
     ///
     /// # Errors
-    /// The ring is full, or the entry is nearer to the one before than the drivers allow; the
+    /// The ring is full, or the entry is closer to the previous one than the drivers allow; the
     /// ring is unchanged.
     #[inline]
     pub fn push(&mut self, entry: StepEntry) -> Result<(), FeedError> {
         self.push_all(&[entry])
     }
 
-    /// Adds entries, at less than half the cost that they have one by one.
+    /// Adds entries at less than half the cost of adding them one by one.
     ///
     /// # Errors
     /// As [`Self::push`]; the entries before the refused one were added.
@@ -187,28 +187,28 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         self.extend(entries.iter().copied())
     }
 
-    /// Adds entries as they are made: it needs no memory for them, and looks up the values that all
-    /// share only once.
+    /// Adds entries as an iterator produces them: needs no memory for them, and looks up the values
+    /// common to all only once.
     ///
     /// # Errors
-    /// As [`Self::push`]; the entries before the refused one were added, and none after it is
-    /// taken from `entries`.
+    /// As [`Self::push`]; the entries before the refused one were added, and none after it is taken
+    /// from `entries`.
     #[inline(always)]
     pub fn extend(&mut self, mut entries: impl Iterator<Item = StepEntry>) -> Result<(), FeedError> {
-        // An entry that meets the ring's end is not usual either.
+        // An entry that meets the end of the ring is not usual either.
         while let Some(entry) = self.push_usual(&mut entries) {
             self.push_unusual(entry)?;
         }
         Ok(())
     }
 
-    /// Adds entries as long as they are usual, there is room for them, and the ring does not wrap.
-    /// Returns the first that was not added.
+    /// Adds entries while they are usual, there is room for them, and the ring does not wrap.
+    /// Returns the first entry that was not added.
     #[inline(always)]
     fn push_usual(&mut self, entries: &mut impl Iterator<Item = StepEntry>) -> Option<StepEntry> {
         let lead_ticks = self.lead_ticks().wrapping_add(1);
         let slots = self.player.slots_from(self.filled);
-        // The interrupt only makes room.
+        // The interrupt can only add room in the meantime.
         let slots = slots.get(..self.free()).unwrap_or(slots);
         let usual = Usual::<M, PORTS> {
             words: &self.words,
@@ -224,8 +224,8 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         unusual
     }
 
-    /// Time by which an interval is longer than the gap after an event, ticks: a pulse, or 0 where
-    /// both edges step.
+    /// Difference between an interval and the gap after an event, ticks: a pulse, or 0 if both
+    /// edges step.
     #[inline(always)]
     fn lead_ticks(&self) -> u32 {
         if M::EVENTS_A_STEP == 2 { self.signals.pulse_ticks } else { 0 }
@@ -244,14 +244,14 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
                 if interval_ticks < self.shortest_interval() {
                     return Err(FeedError::TooNear);
                 }
-                // In pulses an event without steps begins and ends nothing.
+                // With pulses, an event without steps neither begins nor ends a pulse.
                 self.fill(interval_ticks, [0; PORTS], 1, [0; PORTS]);
             }
             StepKind::Stair { interval_ticks, count, axes, added } => {
                 if interval_ticks < self.shortest_interval() {
                     return Err(FeedError::TooNear);
                 }
-                // The planner makes no stair long enough for this to be more.
+                // The planner makes no stair long enough to need more.
                 let slots = usize::from(count) / (MAX_EVENTS as usize / M::EVENTS_A_STEP as usize) + MAX_SLOTS_AN_ENTRY;
                 if self.free() < slots {
                     return Err(FeedError::Full);
@@ -268,12 +268,13 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         Ok(())
     }
 
-    /// Returns the words for the direction signals as they are, or must be before the first motion.
+    /// Returns the words for the present direction signals, or for those required before the first
+    /// motion.
     pub fn direction_words(&self) -> [u32; PORTS] {
         self.pins.directions(self.directions)
     }
 
-    /// Sets the direction signals of the next step; `None` leaves them as they are.
+    /// Sets the direction signals of the next step; `None` leaves them unchanged.
     fn turn(&mut self, directions: Option<u8>) {
         self.turning = directions;
         self.usual_above_ticks = match directions {
@@ -282,15 +283,15 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         };
     }
 
-    /// The motion ends with the newest entry: releases the event that was held back.
+    /// Ends the motion with the newest entry: releases the event that was held back.
     pub fn seal(&mut self) {
         if self.is_held() {
             self.fill(IDLE_TICKS, [0; PORTS], 1, [0; PORTS]);
         }
     }
 
-    /// Starts the player if slots wait and it is idle. Returns true then, and the caller must call
-    /// [`StepPlayer::start_or_end`].
+    /// Starts the player if slots are waiting and it is idle. If it returns true, the caller must
+    /// call [`StepPlayer::start_or_end`].
     pub fn start(&mut self) -> bool {
         let idle = self.player.left() == Head::EMPTY && self.unplayed() > 0;
         if idle {
@@ -300,31 +301,31 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         idle
     }
 
-    /// Number of the timer's updates that the interrupt has missed, because it was held up for
-    /// longer than an interval: the lead of the hardware's count of updates, modulo 2^15, over the
-    /// events played. Those events are owed.
+    /// Number of timer updates that the interrupt has missed because it was held up for longer than
+    /// an interval: the lead of the hardware's update count over the events played, modulo 2^15.
+    /// Those events are still owed.
     pub fn missed_updates(&self, update_count: u16) -> u16 {
-        // One word, so that both are of the same moment.
+        // One word, so that both halves are of the same moment.
         let left = self.player.left();
         if left == Head::EMPTY {
             return 0;
         }
         let ahead = update_count.wrapping_sub(left.number().wrapping_sub(left.events() as u16)) & MAX_EVENTS;
-        // A count less than the events: the board has no such count, or the interrupt came
-        // between the two reads.
+        // The count is below the number of events: the board has no such count, or the interrupt
+        // came between the two reads.
         if ahead > MAX_EVENTS / 2 { 0 } else { ahead }
     }
 
-    /// The steps that the queue holds and the motors have not made, forwards minus backwards, a
-    /// motor each. A step that the interrupt makes meanwhile counts as made or as not made.
+    /// Steps that are queued but not yet made by the motors, forwards minus backwards, per motor. A
+    /// step that the interrupt makes meanwhile may count as made or not.
     pub fn unplayed_steps(&self) -> [i32; 4] {
         self.left().dropped.signed
     }
 
-    /// Drops everything that has not been played, after a stop and while the interrupt is masked.
+    /// Drops everything unplayed, after a stop and while the interrupt is masked.
     ///
-    /// Afterwards the caller stores [`Self::rest_words`] to the ports, and the
-    /// interrupt may run again.
+    /// Afterwards the caller writes [`Self::rest_words`] to the ports, and the interrupt may run
+    /// again.
     pub fn drop_all(&mut self) -> DroppedSteps {
         let Left { mut dropped, odd_axes } = self.left();
         self.newest.turn(self.words_of(odd_axes));
@@ -336,9 +337,9 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         dropped
     }
 
-    /// The events that have not been played.
+    /// The unplayed events.
     fn left(&self) -> Left {
-        // From the end, where the directions are known.
+        // Backwards from the end, where the directions are known.
         let mut directions = self.directions;
         let mut left = Left::default();
         if M::EVENTS_A_STEP == 1 {
@@ -357,17 +358,18 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         left
     }
 
-    /// All events of a slot, also of one that has been begun: its head no longer says them.
+    /// Number of all events of a slot, even of one in play, whose head no longer holds that number.
     fn events_of(&self, number: u32) -> u32 {
         let [before, upto] = [number.wrapping_sub(1), number].map(|number| self.player.slot_of(number).head().number());
         (upto.wrapping_sub(before) & MAX_EVENTS).into()
     }
 
-    /// The next slot to be begun, and the events left of the one in play, as of one moment.
+    /// The next slot to be begun, and the remaining events of the one in play, from the same
+    /// moment.
     fn next_and_in_play(&self) -> (u32, u32) {
         let mut next = self.player.next_number();
-        // The interrupt begins a slot more seldom than this loop turns; a bound holds
-        // whatever it does.
+        // The interrupt begins slots less often than this loop iterates; the bound holds whatever
+        // the interrupt does.
         for _ in 0..4 {
             let in_play = self.player.left().events();
             let again = self.player.next_number();
@@ -379,7 +381,8 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         (next, 0)
     }
 
-    /// The words that put the signals where this side believes them to be after [`Self::drop_all`].
+    /// The words that set the signals to the levels that the feeder assumes after
+    /// [`Self::drop_all`].
     pub fn rest_words(&self) -> [u32; PORTS] {
         let low = if M::EVENTS_A_STEP == 2 { 0b1111 } else { 0 };
         let mut words = self.pins.raised(low).map(PinMap::<PORTS>::turned);
@@ -389,15 +392,15 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         words
     }
 
-    /// Adds the last `events` of a slot, with the first one among them if `first_too`; before them
-    /// the motors have these directions.
+    /// Adds the last `events` of a slot, including the first event of the slot if `first_too`;
+    /// `directions` are the motors' directions before them.
     fn add_events(&self, number: u32, events: u32, first_too: bool, directions: &mut u8, left: &mut Left) {
         let slot = self.player.slot_of(number);
         let first: [u32; PORTS] = core::array::from_fn(|port| slot.first(port));
         let then = self.pins.stepping(core::array::from_fn(|port| slot.then(port)));
         if M::EVENTS_A_STEP == 2 {
-            // Every second event, the last one included, is the start of a pulse; the first ends
-            // one that has stepped.
+            // Every second event, including the last, starts a pulse; the first ends the pulse of a
+            // step already made.
             left.dropped.add(then, *directions, events.div_ceil(2));
         } else {
             left.add_edges(then, *directions, events.saturating_sub(first_too.into()));
@@ -408,7 +411,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         }
     }
 
-    /// The words that step motors.
+    /// The words that step these motors.
     fn words_of(&self, axes: u8) -> [u32; PORTS] {
         self.words[usize::from(axes & 15)]
     }
@@ -419,13 +422,13 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         if self.turning.is_none() {
             return levels;
         }
-        // With pulses the direction changes at the end of the pulse before; else in
-        // a separate event.
+        // With pulses the direction changes at the end of the previous pulse, otherwise in a
+        // separate event.
         let before = if M::EVENTS_A_STEP == 2 { pulse_ticks } else { MIN_GAP_TICKS };
         levels.max(before.saturating_add(direction_setup_ticks))
     }
 
-    /// A stair of any kind in the present directions.
+    /// Adds a stair of any kind in the present directions.
     fn stair(&mut self, interval_ticks: u32, count: u16, axes: u8, added: u8) {
         if M::EVENTS_A_STEP == 1 {
             self.edges(interval_ticks, count, axes, added);
@@ -435,14 +438,14 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             self.pulses(interval_ticks, count, axes);
             return;
         }
-        // The last pulse is another one.
+        // The last pulse differs from the others.
         if count > 1 {
             self.pulses(interval_ticks, count - 1, axes);
         }
         self.pulses(interval_ticks, 1, axes ^ added);
     }
 
-    /// Fills slots for steps at both edges: `count` events, the last of which is held back.
+    /// Fills slots for `count` events that step at both edges; the last event is held back.
     fn edges(&mut self, interval_ticks: u32, mut count: u16, axes: u8, added: u8) {
         while count > MAX_EVENTS {
             self.edges_in_a_slot(interval_ticks, MAX_EVENTS, axes, 0);
@@ -468,10 +471,9 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         self.fill(interval_ticks, rise, count, held);
     }
 
-    /// The first stair in a new direction.
+    /// Adds the first stair in a new direction.
     fn turn_and_stair(&mut self, directions: u8, interval_ticks: u32, count: u16, axes: u8, added: u8) {
-        // Signals that stay are left out, so that a stop can tell from the words which
-        // ones have changed.
+        // Unchanged signals are left out, so that the words tell a stop which signals have changed.
         let changed = self.pins.direction_pins(self.directions ^ directions);
         let mut words = self.pins.directions(directions);
         for (word, changed) in words.iter_mut().zip(changed) {
@@ -480,14 +482,14 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         self.directions = directions;
         self.player.note_directions(directions);
         if M::EVENTS_A_STEP == 2 {
-            // The signals change with the end of the pulse before.
+            // The signals change with the end of the previous pulse.
             for (word, direction) in self.newest.held.iter_mut().zip(words) {
                 *word |= direction;
             }
             self.stair(interval_ticks, count, axes, added);
             return;
         }
-        // A separate event, half way or as late as the set-up time allows.
+        // A separate event, halfway or as late as the set-up time allows.
         let before = (interval_ticks / 2).min(interval_ticks - self.signals.direction_setup_ticks);
         self.fill(before, [0; PORTS], 1, words);
         let rest = interval_ticks - before;
@@ -499,8 +501,8 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         }
     }
 
-    /// Fills a slot: the event that was held back, and `steps_in_it` steps, the last of them (or
-    /// the end of its pulse) left for `held`.
+    /// Fills a slot with the event that was held back and `steps_in_it` steps, the last of which
+    /// (or the end of its pulse) is left for `held`.
     fn fill(&mut self, interval_ticks: u32, then: [u32; PORTS], steps_in_it: u16, held: [u32; PORTS]) {
         let gap_ticks = interval_ticks - self.lead_ticks();
         let events = u32::from(steps_in_it) * M::EVENTS_A_STEP;

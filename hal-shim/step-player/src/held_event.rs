@@ -1,4 +1,4 @@
-//! The newest event, held back, and the slots that are filled when its successor comes.
+//! The newest event, held back, and the slots filled when its successor arrives.
 
 use core::marker::PhantomData;
 use core::slice::Iter;
@@ -9,28 +9,28 @@ use super::pins::PinMap;
 use super::player::Stepping;
 use super::slot::{Filling, Numbering, Slot};
 
-/// The state that every slot changes. Small enough to stay in registers while many are filled.
+/// State that every slot changes. It is small enough to stay in registers while many slots are
+/// filled.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Newest<const PORTS: usize> {
-    /// Number of the events in the slots filled so far.
+    /// Count of the events in the slots filled so far.
     pub(super) numbering: Numbering,
-    /// Both edges: the words that would turn every pin of the ports to its other level after
-    /// the newest event.
+    /// Both edges: the words that would toggle every pin of the ports after the newest event.
     pub(super) turning: [u32; PORTS],
-    /// The words of the newest event, which waits for the interval after it: zeros where the
-    /// event changes no pin.
+    /// Words of the newest event, which waits for the interval after it: zeros if the event changes
+    /// no pin.
     pub(super) held: [u32; PORTS],
 }
 
-/// Events that follow the one that was held back.
+/// Events that follow the one held back.
 pub(super) struct Following<const PORTS: usize> {
-    /// Reload value for the gap between them; with pulses, for its low part.
+    /// Reload value for the gap between the events; with pulses, for the low part of it.
     pub(super) reload: u32,
-    /// The words of the first of them.
+    /// Words of the first event.
     pub(super) then: [u32; PORTS],
     /// Number of events.
     pub(super) events: u32,
-    /// The words of the last of them, which the slot leaves to the next one.
+    /// Words of the last event, which the slot leaves to the next one.
     pub(super) held: [u32; PORTS],
 }
 
@@ -38,7 +38,7 @@ pub(super) struct Following<const PORTS: usize> {
 /// select from [`Newest::turning`].
 pub(super) type StepWords<const PORTS: usize> = [[u32; PORTS]; 16];
 
-/// The state that is constant while the directions are.
+/// State that is constant while the directions are.
 pub(super) struct Usual<'a, M, const PORTS: usize> {
     pub(super) words: &'a StepWords<PORTS>,
     /// Intervals above this are usual.
@@ -49,9 +49,9 @@ pub(super) struct Usual<'a, M, const PORTS: usize> {
 }
 
 impl<M: Stepping, const PORTS: usize> Usual<'_, M, PORTS> {
-    /// Adds entries as long as they are usual stairs and slots are free. A usual stair keeps the
-    /// directions, and its events are neither too near nor too many for a slot. Returns the first
-    /// other entry, which was not added.
+    /// Adds entries while they are usual stairs and slots are free. A usual stair keeps the
+    /// directions, and its events are neither too close together nor too many for a slot. Returns
+    /// the first other entry, which was not added.
     #[inline(always)]
     pub(super) fn push(
         &self,
@@ -66,7 +66,7 @@ impl<M: Stepping, const PORTS: usize> Usual<'_, M, PORTS> {
         }
     }
 
-    /// Both edges: a slot an entry.
+    /// Adds stairs that step at both edges: one slot per entry.
     #[inline(always)]
     fn push_edges(
         &self,
@@ -87,7 +87,7 @@ impl<M: Stepping, const PORTS: usize> Usual<'_, M, PORTS> {
         None
     }
 
-    /// Adds pulses: the last of a stair may be another one and then takes a separate slot.
+    /// Adds pulses: the last pulse of a stair may differ and then takes a separate slot.
     #[inline(always)]
     fn push_pulses(
         &self,
@@ -126,7 +126,7 @@ impl<M: Stepping, const PORTS: usize> Usual<'_, M, PORTS> {
         None
     }
 
-    /// The words that step the motors in the lowest bits.
+    /// The words that step the motors in the lowest bits of `axes`.
     #[inline(always)]
     fn words(&self, axes: u32) -> [u32; PORTS] {
         self.words[axes as usize & 15]
@@ -134,7 +134,7 @@ impl<M: Stepping, const PORTS: usize> Usual<'_, M, PORTS> {
 }
 
 impl<const PORTS: usize> Newest<PORTS> {
-    /// Both edges: the words of an event that steps the motors that these select.
+    /// Both edges: the words of an event that steps the motors selected by `words`.
     #[inline(always)]
     pub(super) fn turn(&mut self, words: [u32; PORTS]) -> [u32; PORTS] {
         let mut event = words;
@@ -146,7 +146,7 @@ impl<const PORTS: usize> Newest<PORTS> {
         event
     }
 
-    /// Both edges: the words of a stair's first event and of its last.
+    /// Both edges: the words of the first and the last event of a stair.
     #[inline(always)]
     pub(super) fn edges(
         &mut self,
@@ -163,8 +163,8 @@ impl<const PORTS: usize> Newest<PORTS> {
         (then, self.turn(last))
     }
 
-    /// Fills a slot with the event that was held back and with a step, whose end `held` is the next
-    /// event to be held back.
+    /// Fills a slot with the event that was held back and a step; the end of that step, `held`, is
+    /// the next event to be held back.
     #[inline(always)]
     fn fill_step<M: Stepping>(&mut self, slot: &Slot<PORTS>, reload: u32, then: [u32; PORTS], held: [u32; PORTS]) {
         self.numbering.advance(M::EVENTS_A_STEP);
@@ -172,7 +172,7 @@ impl<const PORTS: usize> Newest<PORTS> {
         self.held = held;
     }
 
-    /// Fills a slot: the event that was held back, and all that follow but the last.
+    /// Fills a slot with the event that was held back and all following events but the last.
     #[inline(always)]
     pub(super) fn fill(&mut self, slot: &Slot<PORTS>, following: Following<PORTS>) {
         let Following { reload, then, events, held } = following;

@@ -1,28 +1,29 @@
-//! Record of past motion in the ring: the slots that were played last, those that a stop or a reset
-//! has kept from being played, and the words beside the ring by which it can be read.
+//! Record of past motion in the ring: the slots played last, those that a stop or a reset left
+//! unplayed, and the words beside the ring that make it readable.
 //!
-//! A slot keeps its words and the number of its last event when it has been played, until it is
-//! filled again. So a ring in memory that no start of the program fills holds the last motion after
-//! a reset, without a store more in the step interrupt.
+//! A played slot keeps its words and the number of its last event until it is filled again. So a
+//! ring in memory that program start leaves alone still holds the last motion after a reset,
+//! without an additional store in the step interrupt.
 
 use super::shared_word::WordU32;
 use super::slot::Head;
 
-/// Mark of memory that a program has set up as a ring. At power-on the word is random.
+/// Marker of memory that a program has set up as a ring. At power-on the word is random.
 const MARKER: u32 = 0x7bb0_c5a1;
 
-/// A slot, by motors (bit i = motor i).
+/// A slot in terms of motors (bit i = motor i).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PastSlot {
-    /// Motors that step at the first event; of pulses, those whose pulse ends there.
+    /// Motors that step at the first event; with pulses, those whose pulse ends there.
     pub first: u8,
-    /// Motors that step at the others; of pulses at every second event, the last included.
+    /// Motors that step at the other events; with pulses, at every second one, including the last.
     pub then: u8,
     /// Motors whose direction changes at the first event.
     pub turned: u8,
-    /// Those of them that run backwards from then on.
+    /// Those of the turned motors that run backwards from then on.
     pub backwards: u8,
-    /// Reload value of the timer for the gaps after the events; of pulses, for those after a pulse.
+    /// Reload value of the timer for the gaps after the events; with pulses, for the gaps after a
+    /// pulse.
     pub reload: u32,
     /// Number of events, 1 to [`MAX_EVENTS`](super::MAX_EVENTS).
     pub events: u16,
@@ -31,10 +32,10 @@ pub struct PastSlot {
 /// Position of the motors at a place in the queue.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PositionMark {
-    /// Slots filled at that time, modulo 2^32. The motors are there when these have been played,
-    /// and the event that was held back then.
+    /// Number of slots filled at that time, modulo 2^32. The motors reach the position once these
+    /// slots and the event held back at that time have been played.
     pub filled: u32,
-    /// The next slot to be begun at that time.
+    /// Number of the next slot to be begun at that time.
     pub next: u32,
     /// Time since the start, ms.
     pub now_ms: u32,
@@ -51,24 +52,25 @@ pub struct Past {
     pub next: u32,
     /// Number of the slot after the newest one: those from `next` on were not played.
     pub filled: u32,
-    /// Events that the slot before `next` has left unplayed.
+    /// Number of events that the slot before `next` has left unplayed.
     pub events_left: u16,
     /// Directions after the newest slot; bit i = motor i runs backwards.
     pub directions: u8,
-    /// True if a stop or a reset has left it, and no motor has moved since.
+    /// True if a stop or a reset left the record, and no motor has moved since.
     pub is_kept: bool,
-    /// The newest notes of the position, the newer one first.
+    /// The two newest position marks, the newer one first.
     pub positions: [Option<PositionMark>; 2],
 }
 
-/// The words beside the ring.
+/// Words stored beside the ring.
 #[derive(Debug)]
 pub(super) struct Marks {
     marker: WordU32,
     motions: WordU32,
     oldest: WordU32,
     directions: WordU32,
-    /// 1 from a stop or a reset until the next motion; then the four are as it left them.
+    /// 1 from a stop or a reset until the next motion; meanwhile the four words stay as it left
+    /// them.
     kept: WordU32,
     next: WordU32,
     left: WordU32,
@@ -94,7 +96,7 @@ impl Position {
     fn store(&self, mark: PositionMark) {
         let PositionMark { filled, next, now_ms, motor_steps: [x, y, z, extruder] } = mark;
         let values = [filled, next, now_ms, x as u32, y as u32, z as u32, extruder as u32];
-        // A reset may come in between: then the check word is wrong.
+        // A reset may come in between: the check word is wrong then.
         self.check.store(!sum(values));
         super::shared_word::publish();
         for (word, value) in self.words.iter().zip(values) {
@@ -172,11 +174,11 @@ impl Marks {
         self.kept.store(1);
     }
 
-    /// Everything before this slot.
+    /// Forgets everything before this slot.
     pub(super) fn forget(&self, next: u32) {
         self.oldest.store(next);
         self.kept.store(0);
-        // Those from before a stop may count steps that it has dropped.
+        // Positions from before a stop may include steps that it dropped.
         self.positions.iter().for_each(Position::forget);
     }
 
@@ -191,8 +193,8 @@ impl Marks {
         if self.are_kept() {
             return;
         }
-        // Without a slot since, the other note stays: at the queue's very end an event may be held
-        // back that no slot has.
+        // If no slot was filled since, the other mark stays: at the very end of the queue an event
+        // may be held back that is not in any slot.
         let older = self.older.load() & 1;
         let is_same = |place: u32| {
             let newest = self.positions.get(place as usize).and_then(Position::load);
@@ -207,14 +209,15 @@ impl Marks {
 
     pub(super) fn past(&self, next: u32, slots: usize) -> Past {
         let is_kept = self.are_kept();
-        // Slots that were filled since and never played have overwritten the oldest.
+        // Slots filled since then and never played have overwritten the oldest.
         let end = next;
         let (next, left, filled, directions) = if is_kept {
             (self.next.load(), self.left.load(), self.filled.load(), self.kept_directions.load())
         } else {
             (next, 0, next, self.directions.load())
         };
-        // The slot before the oldest one has the number from which its events are counted.
+        // The slot before the oldest holds the number from which the oldest slot's events are
+        // counted.
         let most = slots as u32 - 1;
         let oldest = self.oldest.load();
         let oldest = if end.wrapping_sub(oldest) > most { end.wrapping_sub(most) } else { oldest };

@@ -1,4 +1,4 @@
-//! The motors' pins, as words for the ports.
+//! Motor pins as words for the ports.
 
 /// Shift to the upper half of a port's word, which resets the pins that the lower half sets
 /// (RM0090 8.4.7, BSRR).
@@ -16,9 +16,10 @@ pub struct Pin {
 /// The pins of a motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MotorPins {
-    /// A step is its edge.
+    /// Step pin, whose edge makes a step.
     pub step: Pin,
-    /// High = backwards, but for [`PinMap::with_inverted`] and [`PinMap::with_further`].
+    /// Direction pin: high = backwards, except after [`PinMap::with_inverted`] and
+    /// [`PinMap::with_further`].
     pub direction: Pin,
 }
 
@@ -32,8 +33,8 @@ pub struct PinMap<const PORTS: usize> {
 }
 
 impl<const PORTS: usize> PinMap<PORTS> {
-    /// The map of four motors: X (A), Y (B), Z, extruder. `None` for a port or pin that does not
-    /// exist, or that two signals share.
+    /// Creates the map of four motors: X (A), Y (B), Z, extruder. `None` if a port or pin does not
+    /// exist, or if two signals share one.
     pub const fn new(motors: [MotorPins; 4]) -> Option<Self> {
         let mut map = Self { step: [[0; 16]; PORTS], direction: [[0; 16]; PORTS], inverted: [0; PORTS] };
         let mut taken = [0u16; PORTS];
@@ -68,8 +69,7 @@ impl<const PORTS: usize> PinMap<PORTS> {
         Some(map)
     }
 
-    /// The same pins, with motors (bit i = motor i) that run the other way round: all the
-    /// pins that they have.
+    /// Inverts the direction of these motors (bit i = motor i), on all the pins that they have.
     pub const fn with_inverted(mut self, motors: u8) -> Self {
         let mut port = 0;
         while port < PORTS {
@@ -79,9 +79,8 @@ impl<const PORTS: usize> PinMap<PORTS> {
         self
     }
 
-    /// The same pins, and those of another motor that makes the steps of `motor`; or, if it is
-    /// inverted, runs the other way round. `None` for a port or pin that does not exist, or that
-    /// another signal has.
+    /// Adds the pins of another motor that makes the steps of `motor`, in the opposite direction if
+    /// it is inverted. `None` if a port or pin does not exist, or if another signal uses it.
     pub const fn with_further(mut self, motor: usize, pins: MotorPins, is_inverted: bool) -> Option<Self> {
         let MotorPins { step, direction } = pins;
         if motor > 3 || step.port >= PORTS || direction.port >= PORTS || step.number > 15 || direction.number > 15 {
@@ -107,8 +106,7 @@ impl<const PORTS: usize> PinMap<PORTS> {
         Some(self)
     }
 
-    /// The same pins without this step signal, for a motor that is at rest while the others
-    /// of its axis move.
+    /// Removes this step signal, for a motor that is at rest while the others of its axis move.
     pub const fn without_steps(mut self, pin: Pin) -> Self {
         let mut axes = 0;
         while axes < 16 && pin.port < PORTS {
@@ -124,8 +122,7 @@ impl<const PORTS: usize> PinMap<PORTS> {
         self.step.each_ref().map(|masks| u32::from(masks[usize::from(axes & 15)]))
     }
 
-    /// Swaps a word's halves: the result lowers the pins that the word raises, and the
-    /// other way round.
+    /// Swaps the halves of a word: the result lowers the pins that the word raises, and vice versa.
     #[inline(always)]
     pub fn turned(word: u32) -> u32 {
         word.rotate_left(RESET_SHIFT)
@@ -139,7 +136,7 @@ impl<const PORTS: usize> PinMap<PORTS> {
         }))
     }
 
-    /// The same words, with the other level at pins of inverted motors.
+    /// Inverts the levels at the pins of inverted motors.
     fn crossed(&self, mut words: [u32; PORTS]) -> [u32; PORTS] {
         for (word, inverted) in words.iter_mut().zip(self.inverted) {
             let inverted = u32::from(inverted) | u32::from(inverted) << RESET_SHIFT;
@@ -163,19 +160,19 @@ impl<const PORTS: usize> PinMap<PORTS> {
         motors_of(&self.direction, words)
     }
 
-    /// The motors that these words let run backwards.
+    /// The motors that these words make run backwards.
     pub fn backwards(&self, words: [u32; PORTS]) -> u8 {
         motors_of(&self.direction, self.crossed(words).map(|word| word & 0xffff))
     }
 
-    /// Returns true if these words change pins of motors only.
+    /// Returns true if these words change motor pins only.
     pub fn are_motors(&self, words: [u32; PORTS]) -> bool {
         let pins = self.step.iter().zip(&self.direction).map(|(step, direction)| step[15] | direction[15]);
         pins.zip(words).all(|(pins, word)| (word | word >> RESET_SHIFT) as u16 & !pins == 0)
     }
 }
 
-/// The motors with a pin in the words, up or down.
+/// The motors with a pin in the words, raised or lowered.
 fn motors_of<const PORTS: usize>(masks: &[[u16; 16]; PORTS], words: [u32; PORTS]) -> u8 {
     let mut motors = 0;
     for (masks, word) in masks.iter().zip(words) {
@@ -241,7 +238,7 @@ mod tests {
                 assert_eq!(three.turning(three.direction_pins(axes)), axes);
             }
             assert!(three.are_motors([1 << 9, 8, 1 << 13]) && !one.are_motors([1 << 9, 8, 1 << 13]));
-            // One of them alone: its own steps, and everyone's directions.
+            // One of them alone: only its steps, but the directions of all.
             let alone = three.without_steps(motors[2].step).without_steps(second.step);
             assert_eq!(alone.raised(0b0110), [2, 0, 1 << 13]);
             assert_eq!((alone.directions(5), alone.stepping([0, 0, 1 << 13])), (three.directions(5), 4));

@@ -8,16 +8,17 @@ use super::pins::PinMap;
 use super::shared_word::{WordI32, WordU32};
 use super::slot::{Head, MAX_EVENTS, Slot};
 
-/// Ticks between two updates of the timer, at the least: 1 us at 84 MHz, 168 cycles of the core.
+/// Minimum number of ticks between two updates of the timer: 1 us at 84 MHz, 168 cycles of the
+/// core.
 ///
 /// The reload value that an event's interrupt stores sets the gap after the next update, so the
-/// store must arrive before that update; a late one repeats the old gap. Building an image derives
-/// from its instructions how long that takes at worst, and fails where it is longer than this.
+/// store must arrive before that update; a late one repeats the old gap. The image build derives
+/// the worst-case time from its instructions, and fails if that is longer than this.
 /// [`super::StepFeeder`] refuses entries with a shorter gap, and makes pulses at least as long.
 pub const MIN_GAP_TICKS: u32 = 84;
 
-/// Interval at which the player looks for the first entry of a motion, ticks: a motion starts at
-/// most twice this late.
+/// Interval at which an idle player looks for the first entry of a motion, ticks: a motion starts
+/// at most two intervals late.
 pub const IDLE_TICKS: u32 = 21_000;
 
 /// Attempts to set the hardware's count of updates at the start of a motion. A second one is needed
@@ -28,7 +29,7 @@ const COUNT_ATTEMPTS: u32 = 4;
 pub trait UpdateTimer {
     /// Clears the update's flag.
     fn clear_update(&self);
-    /// Returns true if there was an update since the flag was cleared.
+    /// Returns true if there has been an update since the flag was cleared.
     fn is_update_due(&self) -> bool;
     /// Sets the interval from the update after the next one on: an update every `reload` + 1 ticks.
     fn set_reload(&self, reload: u32);
@@ -36,24 +37,24 @@ pub trait UpdateTimer {
     fn set_update_count(&self, count: u16);
     /// Calls [`StepPlayer::start_or_end`] as soon as [`StepPlayer::update`] has returned.
     fn call_start_or_end(&self);
-    /// Clears the pending interrupt of an update that was cleared without being played.
+    /// Clears the pending interrupt of an update whose flag was cleared without playing it.
     fn forget_served(&self);
-    /// Masks its interrupt: no slot is left to play.
+    /// Masks the update interrupt when no slot is left to play.
     fn mask(&self);
-    /// Unmasks its interrupt.
+    /// Unmasks the update interrupt.
     fn unmask(&self);
 }
 
 /// The ports that carry a board's step and direction signals.
 pub trait OutputPorts<const PORTS: usize> {
-    /// Writes a word to a port, 0 to `PORTS` - 1, at once: ones of the lower half set pins, ones of
-    /// the upper half reset them, and zeros leave them.
+    /// Writes a word to a port, 0 to `PORTS` - 1, in one store: ones in the lower half set pins,
+    /// ones in the upper half reset them, and zeros leave them unchanged.
     fn write(&self, port: usize, word: u32);
 }
 
-/// Edges of a step signal that step.
+/// Choice of the edges of a step signal that make a step.
 pub trait Stepping {
-    /// Events that a step takes: one, or one for each edge of its pulse.
+    /// Number of events that a step takes: one, or one for each edge of its pulse.
     const EVENTS_A_STEP: u32;
 }
 
@@ -72,47 +73,46 @@ impl Stepping for Pulses {
     const EVENTS_A_STEP: u32 = 2;
 }
 
-/// The state of the step interrupt alone.
+/// State private to the step interrupt.
 #[derive(Clone, Copy, Debug)]
 pub struct NextWords<const PORTS: usize> {
-    /// The words of the next event, and of the event after it if that is of the same slot.
+    /// Words of the next event, and of the event after it if that belongs to the same slot.
     words: [[u32; 2]; PORTS],
 }
 
 impl<const PORTS: usize> NextWords<PORTS> {
-    /// No event.
+    /// No event prepared.
     pub const NONE: Self = Self { words: [[0; 2]; PORTS] };
 }
 
 /// The ring of `N` slots, `N` a power of two, and how far they have been played.
 ///
 /// There is one producer, [`super::StepFeeder`], and one interrupt that calls [`Self::update`];
-/// [`Self::start_or_end`] belongs to it and never runs at the same time. Everything is a word that
-/// either side may load and store whole, so that no access is unsafe.
+/// [`Self::start_or_end`] belongs to the interrupt and never runs at the same time. All shared
+/// state consists of words that either side may load and store whole, so no access is unsafe.
 #[derive(Debug)]
 // In this order, so that the interrupt's fields are near the start.
 #[repr(C)]
 pub struct StepPlayer<M, const PORTS: usize, const N: usize> {
-    /// The head of the present slot with the events that are still to come; [`Head::EMPTY`] without
-    /// one. Counted upwards, so that one instruction tests the sign for the usual case.
+    /// Head of the present slot with the number of remaining events; [`Head::EMPTY`] without a
+    /// slot. Counted upwards, so that one instruction tests the sign for the usual case.
     left: WordI32,
-    /// Number of the next slot, modulo 2^32; its place is the remainder by `N`.
+    /// Number of the next slot, modulo 2^32; its index is the remainder by `N`.
     next: WordU32,
-    /// Reload values of pulses: that of the gap after a pulse, and that of the pulse.
+    /// Reload values of pulses: for the gap after a pulse, and for the pulse itself.
     reloads: [WordU32; 2],
     link: StepLink,
     slots: [Slot<PORTS>; N],
-    /// Words that are needed to read the ring after a stop or a reset. The interrupt
-    /// does not touch them.
+    /// Words needed to read the ring after a stop or a reset. The interrupt does not touch them.
     marks: Marks,
     stepping: PhantomData<M>,
 }
 
-/// The most ports of a board's motors.
+/// Maximum number of ports that carry a board's motor signals.
 const MOST_PORTS: usize = 4;
 
-/// Does something for each port. Not a loop at any level of optimisation: its branches would
-/// delay the edges.
+/// Performs an action for each port. Unrolled at every optimisation level: the branches of a loop
+/// would delay the edges.
 #[inline(always)]
 fn each_port<const PORTS: usize>(mut action: impl FnMut(usize)) {
     const { assert!(PORTS >= 1 && PORTS <= MOST_PORTS) };
@@ -135,7 +135,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> Default for StepPlayer<M, 
 }
 
 impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
-    /// A player with an empty ring.
+    /// Creates a player with an empty ring.
     pub const fn new() -> Self {
         const { assert!(N.is_power_of_two() && N >= 8 && N <= 1 << 15) };
         Self {
@@ -149,15 +149,15 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         }
     }
 
-    /// The flags.
+    /// The flags shared with the planner task.
     pub const fn link(&self) -> &StepLink {
         &self.link
     }
 
-    /// The interrupt: puts out the event that is due and prepares the next. No lock, no float, no
-    /// division, no panic, no call.
+    /// Interrupt handler: puts out the event that is due and prepares the next. No lock, no float,
+    /// no division, no panic, no call.
     ///
-    /// The edges come first, at the same distance from the interrupt's entry whatever follows; the
+    /// The edges come first, at a constant time after the interrupt's entry whatever follows; the
     /// reload value comes next, because it must arrive before the next update ([`MIN_GAP_TICKS`]).
     #[inline(always)]
     pub fn update<T: UpdateTimer, P: OutputPorts<PORTS>>(&self, next: &mut NextWords<PORTS>, timer: &T, ports: &P) {
@@ -176,10 +176,11 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         }
     }
 
-    /// The start of a motion, and its end when the last event is out and the ring is empty.
+    /// Starts a motion, or ends it when the last event is out and the ring is empty.
     ///
-    /// It runs in a separate interrupt, so that the usual one needs no more registers than it has
-    /// for free; that interrupt comes right after the usual one, before the next update is served.
+    /// This runs in a separate interrupt, so that the usual one needs no more registers than are
+    /// free; the separate interrupt comes right after the usual one, before the next update is
+    /// served.
     #[inline(always)]
     pub fn start_or_end<T: UpdateTimer>(&self, next: &mut NextWords<PORTS>, timer: &T) {
         if self.left() != Head::EMPTY {
@@ -191,16 +192,17 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
             self.left.store(Head::EMPTY.0);
             self.link.run_dry();
         } else if self.link.is_running() && !self.link.is_stopping() {
-            // Not if a stop has come since the start was requested: the start would undo its mask.
+            // Skipped if a stop has come since the start was requested: the start would undo its
+            // mask.
             self.start(next, timer);
         }
     }
 
-    /// Begins the first slot of a motion: from here on the updates count, and call.
+    /// Begins the first slot of a motion: from here on updates are counted and call the interrupt.
     ///
     /// The gap in progress is that of the last slot, or the idle one. So the event that was held
-    /// back until its follower came is as far from the one before it as it should be, and the gap
-    /// after it is its slot's.
+    /// back until its successor came keeps its distance from the one before, and the gap after it
+    /// is that of its slot.
     #[inline(always)]
     fn start<T: UpdateTimer>(&self, next: &mut NextWords<PORTS>, timer: &T) {
         let slot = self.next_slot();
@@ -219,17 +221,16 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
                 break;
             }
         }
-        // An update from before belongs to no motion.
+        // A pending update from before belongs to no motion.
         timer.forget_served();
-        // Last, because whatever follows delays the first event.
+        // Last, because anything that follows delays the first event.
         timer.unmask();
-        // Once more: QEMU's timer is stopped after an update while it is masked, until it
-        // gets an interval.
+        // Again: after an update while masked, QEMU's timer is stopped until it gets an interval.
         timer.set_reload(reload);
     }
 
-    /// Stores the event's words. Returns the head of its slot without it, not below
-    /// 0 after the last.
+    /// Stores the event's words. Returns the head of its slot without that event, not below 0 after
+    /// the last.
     #[inline(always)]
     fn put_out<P: OutputPorts<PORTS>>(&self, next: &NextWords<PORTS>, ports: &P) -> i32 {
         each_port::<PORTS>(|port| {
@@ -239,7 +240,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         self.left.load().wrapping_add(Head::EVENT)
     }
 
-    /// The slot's next event, and for pulses the gap after it.
+    /// Prepares the next event of the slot and, for pulses, the gap after it.
     #[inline(always)]
     fn go_on<T: UpdateTimer>(&self, left: i32, next: &mut NextWords<PORTS>, timer: &T) {
         if M::EVENTS_A_STEP == 2 {
@@ -253,20 +254,20 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         });
     }
 
-    /// The first event of a slot is prepared.
+    /// Prepares the first event of a slot.
     #[inline(always)]
     fn begin<T: UpdateTimer>(&self, slot: &Slot<PORTS>, head: Head, next: &mut NextWords<PORTS>, timer: &T) {
         let reload = slot.reload();
         timer.set_reload(reload);
-        // In this order, so that few registers are in use at a time. The producer looks at `next`,
-        // which comes last.
+        // This order keeps few registers in use at a time. The producer looks at `next`, which
+        // comes last.
         self.left.store(head.0);
         slot.clear(head);
         if M::EVENTS_A_STEP == 2 {
             self.reloads[0].store(reload);
         }
         each_port::<PORTS>(|port| next.words[port] = [slot.first(port), slot.then(port)]);
-        // Loaded once more: a register less to keep.
+        // Loaded again, which saves a register.
         self.next.store(self.next.load().wrapping_add(1));
     }
 
@@ -280,12 +281,12 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         &self.slots[number as usize & (N - 1)]
     }
 
-    /// Slot by its number, for the producer.
+    /// Returns a slot by its number, for the producer.
     pub(super) fn slot_of(&self, number: u32) -> &Slot<PORTS> {
         self.slot(number)
     }
 
-    /// Slots from this number on to the end of the ring, for the producer.
+    /// Returns the slots from this number to the end of the ring, for the producer.
     #[inline(always)]
     pub(super) fn slots_from(&self, number: u32) -> &[Slot<PORTS>] {
         self.slots.get(number as usize & (N - 1)..).unwrap_or_default()
@@ -296,7 +297,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         self.next.load()
     }
 
-    /// Remainder of the slot in play, for the producer.
+    /// Head of the slot in play with its remaining events, for the producer.
     pub(super) fn left(&self) -> Head {
         Head(self.left.load())
     }
@@ -306,35 +307,35 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         self.reloads[1].store(reload);
     }
 
-    /// Notes the motors' directions from the newest event on, for the producer; bit i = motor
-    /// i runs backwards.
+    /// Notes the motor directions from the newest event on, for the producer; bit i = motor i runs
+    /// backwards.
     pub(super) fn note_directions(&self, directions: u8) {
         self.marks.note_directions(directions);
     }
 
     /// Notes that a motion begins, for the producer, at standstill and with slots to play: from
-    /// then on the slots that a stop or a reset has left are overwritten.
+    /// then on the slots left by a stop or a reset are overwritten.
     pub(super) fn motion_begins(&self) {
         self.marks.motion_begins(self.next.load());
     }
 
-    /// Drops all slots up to the one that the producer fills next, while the interrupt is masked.
-    /// Returns true if more than a sensor has asked for the stop.
+    /// Drops all slots before the one that the producer fills next, while the interrupt is masked.
+    /// Returns true if anything other than a sensor asked for the stop.
     pub(super) fn forget(&self, filled: u32) -> bool {
         self.keep(filled);
         self.clear_unplayed(filled);
         self.link.stopped()
     }
 
-    /// Notes the played slots for [`Self::past`], once: after a stop without a motion since, the
-    /// notes of that stop stay.
+    /// Records the played slots for [`Self::past`] once: after a second stop without a motion in
+    /// between, the record of the first one stays.
     fn keep(&self, filled: u32) {
         if !self.marks.are_kept() {
             self.marks.keep(self.next.load(), self.left(), filled);
         }
     }
 
-    /// Takes the slots that have not been played out of the ring. Their contents stay.
+    /// Removes the unplayed slots from the ring. Their contents stay.
     fn clear_unplayed(&self, filled: u32) {
         let mut number = self.next.load();
         while number != filled {
@@ -347,13 +348,13 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
     }
 }
 
-/// The past: contents of a ring that outlived a stop, or a reset in memory that the
-/// start leaves alone.
+/// The past: contents of a ring that survived a stop, or a reset in memory that program start
+/// leaves alone.
 impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
-    /// Prepares a player in memory that the start of the program does not fill: no slot is left to
-    /// play. If `is_trusted` (the supply has lasted) and the memory was a ring before, the slots
-    /// stay readable; otherwise the ring is emptied. To be called once, before the interrupt runs
-    /// and before there is a feeder.
+    /// Prepares a player in memory that program start does not fill: no slot is left to play. If
+    /// `is_trusted` (the supply was not interrupted) and the memory was a ring before, the slots
+    /// stay readable; otherwise the ring is emptied. Call once, before the interrupt runs and
+    /// before there is a feeder.
     pub fn restart(&self, is_trusted: bool) {
         if is_trusted && self.marks.are_valid() {
             self.finish_begun();
@@ -366,7 +367,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         let _ = self.link.stopped();
     }
 
-    /// Empties the ring. Nothing may be in it that is still to be played.
+    /// Empties the ring. No slot that is still to be played may be in it.
     pub fn empty(&self) {
         for slot in &self.slots {
             slot.clear(Head::EMPTY);
@@ -376,7 +377,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         self.marks.reset();
     }
 
-    /// A reset may come in the midst of [`Self::begin`]: after the head of the slot was taken, and
+    /// Completes a [`Self::begin`] cut short by a reset: after the slot's head was taken, and
     /// before the slot was cleared, or before it was counted.
     fn finish_begun(&self) {
         let (head, left) = (self.next_slot().head(), self.left());
@@ -390,37 +391,37 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         }
     }
 
-    /// Number of the first slot from the next one on that is empty.
+    /// Number of the first empty slot from the next one on.
     fn first_empty(&self) -> u32 {
         let next = self.next.load();
         let filled = (0..N as u32).take_while(|number| self.slot(next.wrapping_add(*number)).head().is_filled());
         next.wrapping_add(filled.count() as u32)
     }
 
-    /// Makes the past begin here, at standstill.
+    /// Makes the recorded past begin here, at standstill.
     pub fn forget_past(&self) {
         self.marks.forget(self.next.load());
     }
 
-    /// Number of motions that have begun, modulo 2^32.
+    /// Number of motions begun so far, modulo 2^32.
     pub fn motions(&self) -> u32 {
         self.marks.motions()
     }
 
-    /// Notes the position of the motors at the end of the queue, with `filled` slots filled so far;
-    /// without effect while the remains of a stop or a reset are to be read.
+    /// Notes the motor position at the end of the queue, with `filled` slots filled so far; no
+    /// effect while the remains of a stop or a reset are still to be read.
     pub fn note_position(&self, filled: u32, motor_steps: [i32; 4], now_ms: u32) {
         self.marks.note_position(PositionMark { filled, next: self.next.load(), now_ms, motor_steps });
     }
 
-    /// Returns the contents of the ring: since the last stop or reset, or as that has left it. At
+    /// Returns the contents of the ring: since the last stop or reset, or as that left it. At
     /// standstill only.
     pub fn past(&self) -> Past {
         self.marks.past(self.next.load(), N)
     }
 
     /// A slot of [`Self::past`], by its number. `None` if it holds anything but steps of these
-    /// motors: memory that has not outlived the reset.
+    /// motors: memory that did not survive the reset.
     pub fn past_slot(&self, number: u32, pins: &PinMap<PORTS>) -> Option<PastSlot> {
         let slot = self.slot(number);
         let first: [u32; PORTS] = core::array::from_fn(|port| slot.first(port));
@@ -437,13 +438,12 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         })
     }
 
-    /// Length of a pulse, ticks, as the feeder has set it.
+    /// Length of a pulse as set by the feeder, ticks.
     pub fn pulse_ticks(&self) -> u32 {
         self.reloads[1].load().wrapping_add(1)
     }
 
-    /// The number of events up to the end of the slot before the one that is filled
-    /// next, modulo 2^15.
+    /// Number of events up to the end of the slot before the one filled next, modulo 2^15.
     pub(super) fn number_before(&self, filled: u32) -> u16 {
         self.slot(filled.wrapping_sub(1)).head().number()
     }

@@ -1,4 +1,4 @@
-//! Slots of the past, played again by the interrupt's own code.
+//! Replay of past slots by the interrupt's own code.
 
 use core::cell::{Cell, RefCell};
 
@@ -8,29 +8,29 @@ use super::player::{BothEdges, NextWords, OutputPorts, Pulses, StepPlayer, Stepp
 use super::slot::{Filling, Numbering};
 use super::virtual_timer::{CYCLES_A_TICK, VirtualUpdateTimer};
 
-/// Slots that can be replayed: more than any board's ring has.
+/// Maximum number of slots that can be replayed: more than any board's ring has.
 pub const MAX_REPLAYED_SLOTS: usize = 4095;
 
 const RING: usize = MAX_REPLAYED_SLOTS + 1;
 
-/// One event of a replay that steps.
+/// An event of a replay that makes a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Replayed {
     /// Ticks of the step timer since the first event.
     pub tick: u64,
-    /// Place of its slot among those replayed. At the change from one slot to the next it is that
-    /// of the later one, whose first event it is.
+    /// Index of its slot among those replayed. At the change from one slot to the next it is the
+    /// index of the later slot, whose first event it is.
     pub slot: usize,
     /// Motors that step; bit i = motor i.
     pub axes: u8,
-    /// Those of them that step backwards.
+    /// Those of the stepping motors that run backwards.
     pub backwards: u8,
 }
 
-/// Plays slots as the board has: `both_edges` as [`BothEdges`], else [`Pulses`] of `pulse_ticks`.
-/// `directions` are those after the last slot (bit i = motor i runs backwards). The replay ends
-/// after `events` events, whether they step or not. It skips slots after the first
-/// [`MAX_REPLAYED_SLOTS`] and contents that no feeder writes: no events, or a reload value of 0.
+/// Plays slots as the board would: with `both_edges` as [`BothEdges`], otherwise as [`Pulses`] of
+/// `pulse_ticks`. `directions` are those after the last slot (bit i = motor i runs backwards). The
+/// replay ends after `events` events, whether they step or not. It skips slots after the first
+/// [`MAX_REPLAYED_SLOTS`], and contents that no feeder writes: no events, or a reload value of 0.
 pub fn replay(
     slots: &[PastSlot],
     both_edges: bool,
@@ -40,7 +40,7 @@ pub fn replay(
     stepped: impl FnMut(Replayed),
 ) {
     let slots = slots.get(..MAX_REPLAYED_SLOTS).unwrap_or(slots);
-    // Where a motor turned first, it ran the other way before.
+    // A motor that turned first ran the other way before.
     let backwards =
         slots.iter().rev().fold(directions, |before, slot| before & !slot.turned | slot.turned & !slot.backwards);
     if both_edges {
@@ -50,13 +50,13 @@ pub fn replay(
     }
 }
 
-/// Four motors on one port: which pins they have makes no difference to their steps.
+/// Four motors on one port: the choice of pins has no influence on the steps.
 fn pins() -> Option<PinMap<1>> {
     let pin = |number| Pin { port: 0, number };
     PinMap::new([0, 1, 2, 3].map(|motor| MotorPins { step: pin(motor), direction: pin(motor + 4) }))
 }
 
-/// Takes the words that the player stores.
+/// Receives the words that the player stores.
 struct Port<'a, F> {
     timer: &'a VirtualUpdateTimer,
     pins: &'a PinMap<1>,

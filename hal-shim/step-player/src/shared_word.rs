@@ -1,14 +1,14 @@
 //! Memory shared by the planner task and the step interrupt.
 //!
-//! Both run on one core and the interrupt is never interrupted by the task, so that plain loads and
-//! stores of whole words, which is what relaxed atomics are on a Cortex-M, and an order that the
-//! compiler keeps are enough: no barrier instruction. On a host, where tests run the two sides in
-//! threads, the processor keeps the order as well.
+//! Both run on one core, and the task never interrupts the interrupt. So plain loads and stores of
+//! whole words (which is what relaxed atomics are on a Cortex-M), kept in order by the compiler,
+//! are enough: no barrier instruction. On a host, where tests run the two sides in threads, the
+//! processor keeps the order as well.
 
 use core::sync::atomic::{AtomicI32, AtomicU8, AtomicU32, Ordering};
 
 /// Orders all earlier stores before a later one: a reader that sees the later store also sees the
-/// earlier ones. To be called before publishing.
+/// earlier ones. Call before publishing.
 #[inline(always)]
 pub fn publish() {
     #[cfg(target_os = "none")]
@@ -17,7 +17,7 @@ pub fn publish() {
     core::sync::atomic::fence(Ordering::Release);
 }
 
-/// Orders later loads after that of a published value. To be called after reading it.
+/// Orders later loads after that of a published value. Call after reading it.
 #[inline(always)]
 pub fn acquire() {
     #[cfg(target_os = "none")]

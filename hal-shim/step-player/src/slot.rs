@@ -2,17 +2,17 @@
 
 use super::shared_word::{WordI32, WordU32};
 
-/// Maximum number of events in one slot; events are numbered modulo one more.
+/// Maximum number of events in one slot; events are numbered modulo this + 1.
 pub const MAX_EVENTS: u16 = 0x7fff;
 
-/// Events that are followed by one interval. The slot's head doubles as its full flag: the producer
+/// Events separated by a constant interval. The slot's head doubles as its full flag: the producer
 /// stores it last, the interrupt clears it when it has copied the rest.
 #[derive(Debug)]
 pub struct Slot<const PORTS: usize> {
-    /// The words to store to the ports at the first event: the last of the stair before.
+    /// Words to store to the ports at the first event: the last event of the previous stair.
     first: [WordU32; PORTS],
-    /// The words of the second; at the others the same turned by 16 bits each time, so that what
-    /// one sets the next resets.
+    /// Words of the second event; each later event has the same words with the halves swapped once
+    /// more, so that it resets the pins that the one before has set.
     then: [WordU32; PORTS],
     /// Reload value for the gaps after the events.
     reload: WordU32,
@@ -21,7 +21,7 @@ pub struct Slot<const PORTS: usize> {
     head: WordI32,
 }
 
-/// A slot's contents.
+/// Contents of a slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Filling<const PORTS: usize> {
     /// Value of [`Slot::first`].
@@ -34,24 +34,24 @@ pub struct Filling<const PORTS: usize> {
     pub head: Head,
 }
 
-/// A slot's head, also of the remaining events while it is played: the upper half counts up to 0.
+/// Head of a slot. While the slot is played, the upper half counts the remaining events up to 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Head(pub i32);
 
 impl Head {
-    /// An event in a head.
+    /// One event in a head.
     pub const EVENT: i32 = 1 << 16;
 
     /// Head while no slot is being played.
     pub const EMPTY: Self = Self(0);
 
-    /// Returns true if there are events.
+    /// Returns true if events remain.
     #[inline(always)]
     pub fn is_filled(self) -> bool {
         self.0 < 0
     }
 
-    /// Remaining events.
+    /// Number of remaining events.
     pub fn events(self) -> u32 {
         (self.0 >> 16).unsigned_abs()
     }
@@ -62,9 +62,9 @@ impl Head {
     }
 }
 
-/// The number of all events up to the end of the slot filled last, modulo 2^15: in the upper 15
-/// bits, where it wraps by itself. Below are the upper bits of the head of a slot that holds one
-/// step, which is this turned by 17 bits.
+/// Number of all events up to the end of the slot filled last, modulo 2^15, kept in the upper 15
+/// bits, where it wraps by itself. The lower bits are the upper bits of the head of a one-step
+/// slot; that head is this word rotated by 17 bits.
 #[derive(Clone, Copy, Debug)]
 pub struct Numbering(u32);
 
@@ -72,12 +72,12 @@ impl Numbering {
     /// Lowest bit of the number.
     const SHIFT: u32 = 17;
 
-    /// No events yet, for steps of this many events.
+    /// Starts at no events, for steps of this many events.
     pub const fn new(events_a_step: u32) -> Self {
         Self((events_a_step << 16).wrapping_neg() >> 15)
     }
 
-    /// The numbering of [`Self::new`] after this many events, modulo 2^15.
+    /// Continues the numbering of [`Self::new`] after this many events, modulo 2^15.
     pub const fn from(events_a_step: u32, number: u16) -> Self {
         Self(Self::new(events_a_step).0.wrapping_add((number as u32) << Self::SHIFT))
     }
@@ -88,13 +88,13 @@ impl Numbering {
         self.0 = self.0.wrapping_add(events << Self::SHIFT);
     }
 
-    /// The head of a slot that ends here, with one step.
+    /// The head of a one-step slot that ends here.
     #[inline(always)]
     pub fn head_of_step(self) -> Head {
         Head(self.0.rotate_right(Self::SHIFT) as i32)
     }
 
-    /// The head of a slot that ends here, with 1 to [`MAX_EVENTS`] events.
+    /// The head of a slot of 1 to [`MAX_EVENTS`] events that ends here.
     #[inline(always)]
     pub fn head(self, events: u32) -> Head {
         Head((self.0 >> Self::SHIFT).wrapping_sub(events << 16) as i32)
@@ -126,7 +126,7 @@ impl<const PORTS: usize> Slot<PORTS> {
         self.head.store(filling.head.0);
     }
 
-    /// Number of its events, and their distance.
+    /// Number of events in the slot, and the number of all events up to its end.
     #[inline(always)]
     pub fn head(&self) -> Head {
         let head = self.head.load();
@@ -152,7 +152,7 @@ impl<const PORTS: usize> Slot<PORTS> {
         self.reload.load()
     }
 
-    /// Empties the slot, whose head this is.
+    /// Empties the slot, whose present head is `head`.
     #[inline(always)]
     pub fn clear(&self, head: Head) {
         self.head.store(head.0 & 0xffff);

@@ -1,19 +1,19 @@
-//! A timer with a preloaded reload register, as the step interrupt's player sees it, in
-//! cycles of the core.
+//! Model of a timer with a preloaded reload register, as the step player sees it, in cycles of the
+//! core.
 
 use core::cell::Cell;
 
 use crate::{IDLE_TICKS, MAX_EVENTS, NextWords, OutputPorts, StepPlayer, Stepping, UpdateTimer};
 
-/// Cycles of the core in a tick of the timer.
+/// Core cycles in a tick of the timer.
 pub const CYCLES_A_TICK: u64 = 2;
 
-/// Time in cycles of the core; the interrupt's accesses take time.
+/// A virtual timer in cycles of the core; each access by the interrupt takes time.
 #[derive(Debug)]
 pub struct VirtualUpdateTimer {
     now: Cell<u64>,
     period_start: Cell<u64>,
-    /// Reload value that is in force, and the preloaded one.
+    /// Reload value in force; the preloaded one follows.
     active: Cell<u32>,
     preloaded: Cell<u32>,
     due: Cell<bool>,
@@ -46,13 +46,13 @@ impl Default for VirtualUpdateTimer {
 }
 
 impl VirtualUpdateTimer {
-    /// Now, in cycles of the core.
+    /// Current time, in cycles of the core.
     pub fn now_cycles(&self) -> u64 {
         self.now.get()
     }
 
-    /// Sets the cost of every access of the interrupt to the timer, cycles: it represents the
-    /// instructions around it.
+    /// Sets the cost of every access of the interrupt to the timer, cycles: it stands for the
+    /// surrounding instructions.
     pub fn set_access_cycles(&self, cycles: u64) {
         self.access_cycles.set(cycles);
     }
@@ -72,7 +72,7 @@ impl VirtualUpdateTimer {
         self.period_start.get() + (u64::from(self.active.get()) + 1) * CYCLES_A_TICK
     }
 
-    /// Advances time, with the updates that fall into it.
+    /// Advances time to `cycle`, with the updates that fall into it.
     pub fn pass_to(&self, cycle: u64) {
         while self.next_at() <= cycle {
             self.period_start.set(self.next_at());
@@ -81,7 +81,7 @@ impl VirtualUpdateTimer {
             let was_due = self.due.replace(true);
             self.latched.set(self.latched.get() || !was_due);
             self.updates.set((self.updates.get() + 1) & MAX_EVENTS);
-            // The periods after the first are all alike.
+            // All periods after the first are alike.
             let period = (u64::from(self.active.get()) + 1) * CYCLES_A_TICK;
             let whole = cycle.saturating_sub(self.period_start.get()) / period;
             self.period_start.set(self.period_start.get() + whole * period);
@@ -112,8 +112,8 @@ impl VirtualUpdateTimer {
         self.masked.get()
     }
 
-    /// Calls the player as the processor does: the step interrupt, and then the other one if
-    /// it was asked for.
+    /// Calls the player as the processor does: the step interrupt, then the other one if it was
+    /// requested.
     pub fn interrupt<M: Stepping, const PORTS: usize, const N: usize>(
         &self,
         player: &StepPlayer<M, PORTS, N>,
@@ -125,7 +125,7 @@ impl VirtualUpdateTimer {
         if self.turning.take() {
             player.start_or_end(next, self);
         }
-        // The line is the flag's level.
+        // The interrupt line follows the flag's level.
         self.latched.set(self.latched.get() || self.due.get());
     }
 }
@@ -164,7 +164,7 @@ impl UpdateTimer for VirtualUpdateTimer {
     }
 
     fn forget_served(&self) {
-        // The line is the flag's level: an update that has not been served stays.
+        // The interrupt line follows the flag's level: an unserved update stays pending.
         self.latched.set(self.due.get());
     }
 }
@@ -173,8 +173,8 @@ impl UpdateTimer for VirtualUpdateTimer {
 mod tests {
     use super::*;
 
-    /// The flag is up, and the second timer has counted every update, also where many
-    /// fall into one pass.
+    /// Checks that the flag is up, and that the second timer counts every update, even if many fall
+    /// into one pass.
     #[test]
     fn one_pass_is_as_many_small_ones() {
         for (reload, cycles) in [(0, 1_000_001), (99, 70_000 * 200), (20_999, 41_999), (20_999, 42_000), (6, 3)] {

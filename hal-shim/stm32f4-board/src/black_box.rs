@@ -1,4 +1,4 @@
-//! The memory of the black box's records: the chip's backup SRAM.
+//! Memory for the black box's records: the chip's backup SRAM.
 
 use ferrostep_black_box::RecordMemory;
 use ferrostep_stm32f4::backup_memory::{self, BACKUP_MEMORY};
@@ -6,7 +6,7 @@ use ferrostep_stm32f4::backup_memory::{self, BACKUP_MEMORY};
 use crate::Rcc;
 use crate::volatile::Volatile;
 
-/// Switches the memory on. To be called once, after the clock was started.
+/// Switches the memory on. Call once, after the clock was started.
 pub fn start(_rcc: &Rcc) -> &'static RecordMemory {
     // SAFETY: registers of the RCC, which is the caller's, and of the power control, which
     // no task writes to.

@@ -1,5 +1,5 @@
-//! The board that this is built for: its file (`config/boards/`) as constants and as
-//! stores to registers.
+//! The board that this crate is built for: its file (`config/boards/`) as constants and as register
+//! stores.
 
 use ferrostep_step_player::{MotorPins, Pin, PinMap, StepLink};
 use ferrostep_stm32f4::sensor_lines::{SensorLines, SensorPin};
@@ -42,13 +42,13 @@ pub const PIN_MAP: PinMap<MOTOR_PORTS> = {
     }
 };
 
-/// The motor of Z.
+/// Index of Z's motor.
 const Z: usize = 2;
 
-/// The motor of the extruder.
+/// Index of the extruder's motor.
 const E: usize = 3;
 
-/// The axis that a motor moves: the further ones lift Z, the last are extruders.
+/// The axis that a motor drives: further motors lift Z, the last ones are extruders.
 const fn axis_of(motor: usize) -> usize {
     if motor < MOTORS.len() {
         motor
@@ -74,18 +74,18 @@ fn extruder_step_pin(tool: usize) -> Option<Pin> {
 /// Shift to the upper half of BSRR, which resets the pins that the lower half sets.
 const RESET_SHIFT: u32 = 16;
 
-/// All ports that a board may have pins on.
+/// All ports on which a board may have pins.
 pub type Ports = (GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, GPIOF, GPIOG);
 
-/// The board's signals. A copy is the same pins.
+/// The board's signals. A copy refers to the same pins.
 #[derive(Clone, Copy)]
 pub struct BoardPins {
     sensors: SensorLines,
 }
 
 impl BoardPins {
-    /// Sets the pins up: heaters and fans off, drivers off, thermistors and the serial line
-    /// connected, the sensors that axes home with inputs (by the stores of [`SensorLines::start`]).
+    /// Sets up the pins: heaters and fans off, drivers off, thermistors and the serial line
+    /// connected, homing sensors as inputs (by the stores of [`SensorLines::start`]).
     pub fn new(_ports: Ports, sensors: [Option<SensorPin>; 3], set_up: &[Store]) -> Self {
         // SAFETY: stores to ports that are this module's from now on, and of pins that the board's
         // file gives to motors, fans, thermistors and the serial line;
@@ -111,8 +111,8 @@ impl BoardPins {
     }
 }
 
-/// Returns true if a sensor that no axis homes with is triggered. Its pin is set up by
-/// [`BoardPins::new`].
+/// Returns true if a sensor that no axis homes with is triggered. [`BoardPins::new`] has set up its
+/// pin.
 pub fn is_triggered(pin: SensorPin) -> bool {
     // SAFETY: a port is only read.
     pin.is_triggered(&mut unsafe { Volatile::new() })
@@ -169,8 +169,8 @@ impl Motors<MOTOR_PORTS> for BoardPins {
     }
 }
 
-/// Switches all off, for the panic and fault handlers: heaters off, then motors off, then the fans
-/// full and off the USB bus.
+/// Switches everything off, for the panic and fault handlers: heaters off, then motors off, then
+/// fans full on and the USB port off the bus.
 pub(crate) fn all_off() {
     // SAFETY: pins of heaters, motors and fans, and the USB controller: all states are allowed; no
     // other code runs any more.

@@ -1,4 +1,4 @@
-//! The slot for a memory card, at the SDIO.
+//! The memory card slot, on the SDIO.
 
 use ferrostep_stm32f4::clock_tree::{Clock, ClockSource};
 use ferrostep_stm32f4::sdio::{BlockMemory, SdioSlot};
@@ -8,13 +8,13 @@ use crate::motion_clock::MotionClock;
 use crate::pac::{SDIO, TIM5};
 use crate::volatile::Volatile;
 
-/// The board's slot.
+/// SDIO card slot of the board.
 pub type Slot = SdioSlot<Volatile, fn() -> u32>;
 
-/// Memory for the blocks that DMA moves: in RAM that it reaches.
+/// Buffer for the blocks that DMA moves, in RAM that DMA can reach.
 static MEMORY: BlockMemory = BlockMemory::new();
 
-/// The motion clock, which measures the waits.
+/// Current time of the motion clock, which measures the waits.
 fn now_ticks() -> u32 {
     // SAFETY: the counter is only read; `start` is given the clock, so that it runs.
     unsafe { &*TIM5::ptr() }.cnt().read().bits()

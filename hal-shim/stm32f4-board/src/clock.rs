@@ -14,8 +14,8 @@ use crate::volatile::Volatile;
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::{Config, Rcc};
 
-/// Maximum number of looks at a flag. A look takes at least four cycles, so this waits for 1 ms or
-/// longer.
+/// Maximum number of polls of a flag. A poll takes at least four cycles, so the wait is at least 1
+/// ms.
 const MAX_LOOKS: u32 = 50_000;
 
 /// Starts the best clock that works, in whatever state a boot loader has left the chip.

@@ -1,10 +1,10 @@
-//! The pace of a bus that software moves, by the core's cycles.
+//! Pace of a bit-banged bus, by the core's cycles.
 
 use ferrostep_stm32f4::BusPace;
 
 use crate::board::CORE_HZ;
 
-/// Half of a clock's period, ns; the stores around it lengthen it.
+/// Half a clock period, ns; the surrounding stores lengthen it.
 #[derive(Debug)]
 pub struct CorePace<const HALF_PERIOD_NS: u32>;
 

@@ -1,5 +1,5 @@
-//! The serial lines to motor drivers: none, USART2 on one wire, or a pin each with TIM7. Their
-//! logic is `ferrostep_stm32f4`'s.
+//! Serial lines to motor drivers: none, USART2 on one wire, or one pin each with TIM7. Their logic
+//! is in `ferrostep_stm32f4`.
 
 use core::sync::atomic::AtomicU8;
 
@@ -18,21 +18,21 @@ use crate::volatile::Volatile;
 #[unsafe(no_mangle)]
 pub static FERROSTEP_DRIVERS: AtomicU8 = AtomicU8::new(0b1111_1111);
 
-/// The peripheral of a board's driver lines. Its interrupt is USART2's or TIM7's.
+/// Peripheral of a board's driver lines. Its interrupt is that of USART2 or TIM7.
 pub trait DriverLine: SingleWireUart {
-    /// Speed of the lines.
+    /// Baud rate of the lines.
     const BAUD: u32;
-    /// The interrupt to be called when a datagram begins, for an emulator's port that does
-    /// not do so itself.
+    /// Interrupt to pend when a datagram begins, for an emulated port that does not raise it by
+    /// itself.
     const PENDED: Option<Interrupt> = None;
-    /// Starts them at pins (port, 0 for A, and number): that of the shared line first,
-    /// or each motor's.
+    /// Starts the lines at these pins (port, 0 for A, and number): the shared line's first, or one
+    /// for each motor.
     fn start(peripherals: (USART2, TIM7), clock: &Clock, pins: &[(u8, u8)]) -> Self;
-    /// The interrupt.
+    /// Handles the interrupt.
     fn interrupt(&mut self);
 }
 
-/// A line that all drivers share, on USART2.
+/// A single line shared by all drivers, on USART2.
 pub type SharedLine = HalfDuplexLine<Volatile>;
 
 impl DriverLine for SharedLine {
@@ -53,12 +53,12 @@ impl DriverLine for SharedLine {
     }
 }
 
-/// A line for each driver, on any pin.
+/// One line per driver, on any pin.
 pub type OwnLines<const N: usize> = PinLines<Volatile, N>;
 
 impl<const N: usize> DriverLine for OwnLines<N> {
-    /// The fastest rate that a timer's interrupt can sample without much of the processor's time:
-    /// 76,800 interrupts a second while a line is in use.
+    /// The fastest rate that a timer interrupt can sample without taking much processor time:
+    /// 76,800 interrupts per second while a line is in use.
     const BAUD: u32 = 19_200;
 
     fn start(_: (USART2, TIM7), clock: &Clock, pins: &[(u8, u8)]) -> Self {
@@ -76,7 +76,7 @@ impl<const N: usize> DriverLine for OwnLines<N> {
     }
 }
 
-/// No lines: the drivers cannot be set, or the profile does not say to what.
+/// No lines: the drivers cannot be configured, or the profile has no settings for them.
 #[derive(Debug)]
 pub struct NoLine;
 

@@ -1,5 +1,4 @@
-//! The hard fault: a check of the program that failed, a stack that overflowed, a bus error,
-//! memory run wild.
+//! The hard fault: a failed check of the program, a stack overflow, a bus error, corrupted memory.
 
 use core::arch::naked_asm;
 use core::fmt;
@@ -16,9 +15,9 @@ const PROGRAM_COUNTER: u32 = 24;
 /// not know (PM0214, 4.4.10).
 const UNDEFINED_INSTRUCTION: u32 = 1 << 16;
 
-/// The exception's entry. After a stack overflow the stack pointer is below RAM, and the first push
-/// of an ordinary handler would lock the core up, heaters on: so this one first sets the stack
-/// pointer back to the start of the stack.
+/// Entry of the exception. After a stack overflow the stack pointer is below RAM, and the first
+/// push of an ordinary handler would lock up the core with the heaters on; so this one first sets
+/// the stack pointer back to the start of the stack.
 ///
 /// # Safety
 /// For the vector table only.
@@ -28,11 +27,11 @@ pub unsafe extern "C" fn HardFault() -> ! {
     naked_asm!("mov r0, sp", "ldr r1, =_stack_start", "mov sp, r1", "b {handler}", handler = sym handle)
 }
 
-/// Heaters off, motors off, a line to the host; then rest until someone resets the board.
+/// Switches heaters and motors off, reports to the host, and rests until the board is reset.
 extern "C" fn handle(frame: u32) -> ! {
     safe_state::enter();
     let at = frame.wrapping_add(PROGRAM_COUNTER);
-    // Only in RAM: elsewhere there is no frame.
+    // Read only within RAM: elsewhere there is no frame.
     if frame.is_multiple_of(4) && RAM.contains(&frame) && RAM.contains(&(at + 3)) {
         // SAFETY: an aligned word of RAM that is not written any more.
         let address = unsafe { core::ptr::read_volatile(at as *const u32) };
@@ -48,7 +47,7 @@ extern "C" fn handle(frame: u32) -> ! {
     safe_state::rest()
 }
 
-/// Reports to the host, and keeps the text for after the reset.
+/// Reports to the host, and keeps the text across the reset.
 fn tell(what: fmt::Arguments<'_>) {
     safe_state::tell(format_args!("firmware {what}"), what);
 }

@@ -4,9 +4,9 @@ use core::arch::naked_asm;
 
 use crate::board::FIRST;
 
-/// Executes the stores [`FIRST`] before anything else: a heater that a boot loader has left
-/// floating, or on, is off some microseconds after it has jumped here. In assembly, since Rust code
-/// needs memory that is not initialised yet.
+/// Executes the stores [`FIRST`] before anything else: a heater that a boot loader left floating or
+/// on is off within microseconds of its jump here. In assembly, since Rust code needs memory that
+/// is not initialised yet.
 ///
 /// # Safety
 /// For cortex-m-rt, which calls it before it fills RAM.
@@ -14,8 +14,9 @@ use crate::board::FIRST;
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn __pre_init() {
     naked_asm!(
-        // A boot loader that ran as a task leaves another stack, and one with masks would leave
-        // this deaf. The stack of before is not touched yet: cortex-m-rt has set the main one.
+        // A boot loader that ran as a task leaves another stack selected, and one that masked
+        // interrupts would leave them masked. The earlier stack is not touched: cortex-m-rt has set
+        // the main one.
         "movs r0, #0",
         "msr BASEPRI, r0",
         "msr CONTROL, r0",

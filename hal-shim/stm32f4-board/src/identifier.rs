@@ -1,4 +1,4 @@
-//! The chip's own number.
+//! The chip's unique identifier.
 
 /// Address of the identifier, three words (RM0090 39.1, RM0390 34.1).
 const IDENTIFIER: *const [u32; 3] = 0x1fff_7a10 as *const [u32; 3];

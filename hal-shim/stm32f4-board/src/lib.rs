@@ -1,10 +1,10 @@
-//! Registers of the STM32F4 for hal-shim's traits: clock, step timer, serial line, safe state, and
-//! the board that it is built for.
+//! STM32F4 implementation of hal-shim's traits: clock, step timer, serial line, safe state, and the
+//! board that the image is built for.
 //!
-//! The crate has unsafe code, for register fields that the register description leaves unchecked
+//! The crate has unsafe code for register fields that the register description leaves unchecked
 //! ("any value may be written here"), a counter that many tasks read, the panic and fault handlers,
 //! which must reach every port, critical sections, the table of interrupt handlers, and registers
-//! that hal-shim's adapters know by address. Each use says which.
+//! that hal-shim's adapters reach by address. Each use states its reason.
 #![no_std]
 #![deny(clippy::undocumented_unsafe_blocks)]
 

@@ -13,38 +13,38 @@ use crate::motion_clock::MotionClock;
 use crate::pac::{Interrupt, TIM2, TIM5};
 use crate::vector_table::VectorTable;
 
-/// Ticks of the step timer from an update to the first instruction of its interrupt: what delayed
-/// it, and what entering it takes.
+/// Ticks of the step timer from an update to the first instruction of its interrupt: delays, and
+/// the entry itself.
 static STEP_LATENCY: Histogram = Histogram::new();
-/// The step interrupt, from its first instruction to its last.
+/// Duration of the step interrupt, from its first instruction to its last.
 static STEP_DURATION: Histogram = Histogram::new();
-/// Planning, a move.
+/// Planning time of a move.
 static PLANNING: Histogram = Histogram::new();
 
 static IS_ON: AtomicBool = AtomicBool::new(false);
-/// The counter that times are read from; written once, before anything is measured.
+/// Address of the counter that times are read from; written once, before anything is measured.
 static COUNTER: AtomicPtr<u32> = AtomicPtr::new(core::ptr::null_mut());
 static COUNTER_IS_OF_CORE: AtomicBool = AtomicBool::new(false);
 
-/// One of the histograms.
+/// A named histogram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Measured {
-    /// The quantity that is measured.
+    /// Name of the measured quantity.
     pub name: &'static str,
-    /// The unit of its times: `cycles` of the core, `ticks` of a timer.
+    /// Unit of the times: `cycles` of the core, or `ticks` of a timer.
     pub unit: &'static str,
-    /// The values since it was cleared.
+    /// Summary of the values since the last clear.
     pub summary: Summary,
 }
 
-/// Returns true if times are measured.
+/// Returns true if measurement is on.
 pub fn is_on() -> bool {
     IS_ON.load(Ordering::Relaxed)
 }
 
-/// The histograms.
+/// All histograms.
 pub fn all() -> [Measured; 3] {
-    // A timer replaces the core's counter of cycles where that does not count.
+    // A timer replaces the core's cycle counter if that does not count.
     let unit = if COUNTER_IS_OF_CORE.load(Ordering::Relaxed) { "cycles" } else { "ticks" };
     [
         Measured { name: "step_latency", unit: "ticks", summary: STEP_LATENCY.summary() },
@@ -53,22 +53,22 @@ pub fn all() -> [Measured; 3] {
     ]
 }
 
-/// Forgets the measured times.
+/// Clears the measured times.
 pub fn clear() {
     for histogram in [&STEP_LATENCY, &STEP_DURATION, &PLANNING] {
         histogram.clear();
     }
 }
 
-/// The switch, for tasks below the step interrupt and the planner. These add to the histograms, and
+/// Switch for tasks below the step interrupt and the planner. Those two add to the histograms, and
 /// never see a half-cleared one in the middle of an addition.
 pub struct Switch {
     vectors: VectorTable,
 }
 
 impl Switch {
-    /// Finds a counter: the core's cycles, or if they do not count (an emulator's, a core without)
-    /// the motion clock, which runs already.
+    /// Finds a counter: the core's cycles or, if they do not count (an emulator, or a core without
+    /// such a counter), the motion clock, which is already running.
     pub fn new(vectors: VectorTable, mut debug: DCB, mut trace: DWT, _motion_clock: MotionClock) -> Self {
         debug.enable_trace();
         trace.enable_cycle_counter();
@@ -88,7 +88,7 @@ impl Switch {
         Self { vectors }
     }
 
-    /// Switches the measurement on or off. The histograms stay.
+    /// Switches the measurement on or off. The histograms keep their values.
     pub fn set(&mut self, on: bool) {
         if on {
             // SAFETY: it calls the handler that it replaces and else only reads two counters and
@@ -101,7 +101,7 @@ impl Switch {
     }
 }
 
-/// The counter now.
+/// Current value of the counter.
 ///
 /// # Safety
 /// [`Switch::new`] has been called.
@@ -112,12 +112,12 @@ unsafe fn now() -> u32 {
     unsafe { counter.read_volatile() }
 }
 
-/// Replaces the step interrupt's handler while times are measured. The step timer counts from 0 at
-/// each update: its count here is the delay of the interrupt.
+/// Replaces the handler of the step interrupt while times are measured. The step timer counts from
+/// 0 at each update: its count here is the interrupt's delay.
 unsafe extern "C" fn step_interrupt_measured() {
     unsafe extern "C" {
-        /// The handler proper: by its name, because a look into the vector table would delay
-        /// its reload value.
+        /// The handler proper, called by its name: a look into the vector table would delay its
+        /// reload value.
         fn TIM2();
     }
     // SAFETY: the counter is only read.
@@ -132,32 +132,32 @@ unsafe extern "C" fn step_interrupt_measured() {
     STEP_DURATION.add(ended.wrapping_sub(began));
 }
 
-/// Measures the planner's work for one move after the other, interrupts included.
+/// Measures the planner's work for each move, including interrupts.
 #[derive(Debug, Default)]
 pub struct PlanningMeter {
-    /// Start of the present portion, if it is measured.
+    /// Start of the present portion, if the portion is measured.
     began: Option<u32>,
-    /// Time spent on the present move before that.
+    /// Time spent on the present move in earlier portions.
     spent: u32,
-    /// The present portion was its last.
+    /// True if the present portion was the last of the move.
     is_planned: bool,
 }
 
 impl PlanningMeter {
-    /// A portion of work begins.
+    /// Begins a portion of work.
     #[inline]
     pub fn begin(&mut self) {
         // SAFETY: only what `Switch::new` returns switches it on.
         self.began = is_on().then(|| unsafe { now() });
     }
 
-    /// The last entry of a move has been planned.
+    /// Notes that the last entry of a move has been planned.
     #[inline]
     pub fn move_planned(&mut self) {
         self.is_planned = true;
     }
 
-    /// Ends the portion. A move that was measured only in part is not counted.
+    /// Ends the portion. A move measured only in part is not counted.
     #[inline]
     pub fn end(&mut self) {
         let is_planned = core::mem::take(&mut self.is_planned);

@@ -1,8 +1,9 @@
-//! TIM5 as a clock that runs at the motion clock's pace, whatever that is in seconds.
+//! TIM5 as a clock that runs at the motion clock's pace, however long its ticks are in seconds.
 
 use crate::pac::{RCC, TIM5};
 
-/// A counter of ticks, 32 bits, about 51 s at full speed. A handle: copies read the same counter.
+/// Handle to a 32-bit tick counter, which wraps after about 51 s at full speed. Copies read the
+/// same counter.
 #[derive(Clone, Copy, Debug)]
 pub struct MotionClock(());
 

@@ -11,7 +11,7 @@ pub trait Motors<const PORTS: usize> {
     const HAS_FILAMENT_SWITCH: bool = false;
     /// Number of motors that lift Z.
     const Z_MOTORS: usize = 1;
-    /// The step pin of one of them; the first is the axis's own.
+    /// Step pin of one of the motors that lift Z; the first is the axis's own.
     fn z_step_pin(_motor: usize) -> Option<Pin> {
         None
     }
@@ -21,9 +21,9 @@ pub trait Motors<const PORTS: usize> {
     fn extruder_step_pin(_tool: usize) -> Option<Pin> {
         None
     }
-    /// The ports that carry their step and direction signals.
+    /// Ports that carry the step and direction signals.
     fn ports(&self) -> MotorPorts<PORTS>;
-    /// Switches on the drivers in the mask, and off the others. Those that share a signal are on
+    /// Switches the drivers in the mask on, and the others off. Drivers that share a signal are on
     /// while one of them is.
     fn enable(&self, on: u8);
 
@@ -38,25 +38,26 @@ pub trait Motors<const PORTS: usize> {
 /// A port that carries step and direction signals.
 #[derive(Clone, Copy, Debug)]
 pub struct MotorPort {
-    /// Address of its BSRR: one store sets and resets pins, without a read.
+    /// Address of the port's BSRR: one store sets and resets pins, without a read.
     bsrr: *mut u32,
 }
 
 // SAFETY: a store to BSRR is atomic, and its effect depends on the word alone.
 unsafe impl Send for MotorPort {}
-// SAFETY: the same.
+// SAFETY: as for `Send`.
 unsafe impl Sync for MotorPort {}
 
 impl MotorPort {
-    /// The port of an index: 0 is A (RM0090 2.3 and 8.4.7: all ports have the same layout).
+    /// Returns the port with this index: 0 is A (RM0090 2.3 and 8.4.7: all ports have the same
+    /// layout).
     ///
     /// # Safety
-    /// The caller may write to the pins that it will write to.
+    /// The caller must be entitled to every pin to which it will write.
     pub(crate) const unsafe fn of(index: u8) -> Self {
         Self { bsrr: (gpio::port(index) + BSRR) as *mut u32 }
     }
 
-    /// A store to BSRR sets and resets pins at once, without a read.
+    /// Stores a word to BSRR, which sets and resets pins at once, without a read.
     #[inline(always)]
     pub(crate) fn write(self, word: u32) {
         // SAFETY: the address is a port's BSRR, always writable; zeros have no effect, and ones

@@ -1,17 +1,17 @@
-//! The stop of all motors before the next instruction.
+//! Immediate stop of all motors.
 
 use ferrostep_step_player::StepLink;
 
 use crate::pac::TIM2;
 
-/// Stops all motors before the next instruction; the planner task does the rest. From any task but
+/// Stops all motors before the next instruction; the planner task does the rest. For any task but
 /// the step interrupt.
 pub fn stop(link: &StepLink) {
     halt();
     link.request_stop();
 }
 
-/// Stops all motors as [`stop`] does, for the sensor that an axis seeks.
+/// Stops all motors as [`stop`] does, for the sensor of a homing axis.
 pub(crate) fn stop_at_sensor(link: &StepLink) {
     halt();
     link.request_sensor_stop();

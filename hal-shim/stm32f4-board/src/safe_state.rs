@@ -9,12 +9,12 @@ use crate::pac::USART1;
 use crate::volatile::Volatile;
 use crate::{board, servo, supervision};
 
-/// Maximum number of looks at the transmitter for one byte: more than a byte takes at 9600 baud and
-/// 168 MHz.
+/// Maximum number of polls of the transmitter for one byte: longer than a byte takes at 9600 baud
+/// and 168 MHz.
 const MAX_LOOKS: u32 = 200_000;
 
-/// Cycles between two feedings of the watchdog in the safe state where no pulse takes as long: 20
-/// ms, or 0.2 s on the internal oscillator, of its second.
+/// Cycles between two feedings of the watchdog in the safe state, if no servo pulse takes that
+/// long: 20 ms, or 0.2 s on the internal oscillator; the watchdog allows a second.
 const REST_CYCLES: u32 = CORE_HZ / 50;
 
 /// Stops all interrupts and switches heaters, then motors off, by their registers; then the fans
@@ -26,9 +26,9 @@ pub fn enter() {
     board::all_off();
 }
 
-/// Returns true if the crystal has stopped, for which the core calls the interrupt that cannot be
-/// masked. The chip has switched to its internal oscillator by itself, buses divided as before;
-/// then the host's line gets its speed back. After [`enter`] only.
+/// Returns true if the crystal has stopped; the core then takes the non-maskable interrupt. The
+/// chip has switched to its internal oscillator by itself, with the bus dividers unchanged; in that
+/// case the host line gets its speed back. After [`enter`] only.
 pub fn crystal_has_stopped() -> bool {
     // SAFETY: a register is only read.
     let has_stopped = clock_setup::crystal_has_stopped(&mut unsafe { Volatile::new() });
@@ -42,8 +42,8 @@ pub fn crystal_has_stopped() -> bool {
     has_stopped
 }
 
-/// Keeps a text over the reset, and then sends it to the host, which takes a thousand times as
-/// long. After [`enter`] only.
+/// Stores a text that survives the reset, and then sends it to the host, which takes a thousand
+/// times as long. After [`enter`] only.
 #[inline(never)]
 pub fn tell(end: fmt::Arguments<'_>, kept: fmt::Arguments<'_>) {
     supervision::keep_last_words(kept);
@@ -51,9 +51,9 @@ pub fn tell(end: fmt::Arguments<'_>, kept: fmt::Arguments<'_>) {
     let _ = fmt::write(&mut LastWords, format_args!("\nError:{end}, printer halted. kill() called!\n"));
 }
 
-/// Rests until someone resets the board: a machine that starts again on its own might start
-/// heating, or continue a print from a wrong position. The watchdog, which would reset it, is fed.
-/// A probe's pin is called in, again and again.
+/// Rests until the board is reset: a machine that restarts on its own might start heating, or
+/// continue a print from a wrong position. The watchdog, which would reset the board, is fed. A
+/// probe's pin is retracted, again and again.
 pub fn rest() -> ! {
     loop {
         supervision::feed_at_the_end();
@@ -63,7 +63,7 @@ pub fn rest() -> ! {
     }
 }
 
-/// A last line to the host, past all queues. After [`enter`] only.
+/// Writer of a last line to the host that bypasses all queues. After [`enter`] only.
 pub struct LastWords;
 
 impl fmt::Write for LastWords {

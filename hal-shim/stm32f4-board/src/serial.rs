@@ -4,8 +4,8 @@ use crate::handlers::complete_stores;
 use crate::pac::{RCC, USART1};
 use fugit::HertzU32 as Hertz;
 
-/// Maximum number of bytes handed to the transmitter in one interrupt. A real one takes two; QEMU's
-/// would take all there are.
+/// Maximum number of bytes handed to the transmitter in one interrupt. A real transmitter takes
+/// two; QEMU's would take any number.
 const BYTES_AT_ONCE: usize = 16;
 
 /// State of the transmitter after a call.
@@ -13,20 +13,20 @@ const BYTES_AT_ONCE: usize = 16;
 pub enum Transmit {
     /// All has been handed over.
     Done,
-    /// The transmitter asks again by its interrupt.
+    /// The transmitter will raise its interrupt when it takes more.
     Waits,
-    /// The transmitter would take more at once: call again soon.
+    /// The transmitter would take more right away: call again soon.
     Again,
 }
 
-/// The port; its interrupt calls [`Self::receive`] and [`Self::transmit`].
+/// The serial port; its interrupt calls [`Self::receive`] and [`Self::transmit`].
 pub struct Serial {
     usart: USART1,
 }
 
 impl Serial {
-    /// Starts the port: 8 bits, no parity, 1 stop bit; the receive interrupt is on. `bus` is
-    /// the port's clock.
+    /// Starts the port: 8 bits, no parity, 1 stop bit; the receive interrupt is on. `bus` is the
+    /// port's clock.
     pub fn start(usart: USART1, rcc: &RCC, bus: Hertz, baud: u32) -> Self {
         rcc.apb2enr().modify(|_, w| w.usart1en().set_bit());
         // Read back: `Registers::switch_clocks_on` says why.
@@ -40,8 +40,8 @@ impl Serial {
         Self { usart }
     }
 
-    /// The byte that has arrived, if any. A byte lost before it (overrun) shows in the
-    /// line's checksum.
+    /// Returns the received byte, if any. The line's checksum reveals a byte lost before it
+    /// (overrun).
     #[inline]
     pub fn receive(&mut self) -> Option<u8> {
         let status = self.usart.sr().read();
@@ -51,8 +51,8 @@ impl Serial {
         byte.filter(|_| has_byte)
     }
 
-    /// Hands bytes from `next` to the transmitter while it takes them: the last that
-    /// the interrupt does.
+    /// Hands bytes from `next` to the transmitter while it takes them. Must be the interrupt's last
+    /// action.
     pub fn transmit(&mut self, next: impl FnMut() -> Option<u8>) -> Transmit {
         let outcome = self.hand_over(next);
         complete_stores();

@@ -1,4 +1,4 @@
-//! The signal of a servo, for a probe with a pin: a task's side, and TIM6's interrupt.
+//! Servo signal for a probe with a pin: the task's side, and TIM6's interrupt.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -15,15 +15,15 @@ use crate::volatile::Volatile;
 /// Pulses left to send ([`ServoPulses::word`]).
 static PULSES: AtomicU32 = AtomicU32::new(0);
 
-/// The width that calls a probe's pin in, microseconds: `ferrostep_gcode::PinCommand::IN_US`, which
-/// this crate does not know.
+/// Pulse width that retracts a probe's pin, microseconds: `ferrostep_gcode::PinCommand::IN_US`,
+/// which this crate cannot name.
 pub const PIN_IN_US: u16 = 1_475;
 
-/// The signal, for its interrupt's task.
+/// The signal, owned by the task of its interrupt.
 pub struct Servo(ServoLine<Volatile>);
 
 impl Servo {
-    /// A signal that rests.
+    /// The signal at rest.
     pub const REST: Self = {
         let pin = match SERVO {
             Some(pin) => pin,
@@ -35,7 +35,8 @@ impl Servo {
         Self(ServoLine::at(unsafe { Volatile::new() }, pin))
     };
 
-    /// The interrupt. A few microseconds late make a pulse by as much longer or shorter.
+    /// Handles the interrupt. If it runs late by a few microseconds, the pulse is longer or shorter
+    /// by as much.
     #[inline]
     pub fn interrupt(&mut self) {
         self.0.interrupt(&PULSES);
@@ -55,8 +56,8 @@ pub fn send(pulses: ServoPulses) {
     NVIC::pend(Interrupt::TIM6_DAC);
 }
 
-/// One pulse that calls a probe's pin in, and the pause after it, for the panic and fault handlers,
-/// which no interrupt interrupts any more. `false` without a servo.
+/// Sends one pulse that retracts a probe's pin and waits out the pause after it, for the panic and
+/// fault handlers, which nothing interrupts any more. `false` without a servo.
 pub(crate) fn pin_in_at_the_end() -> bool {
     let Some(pin) = SERVO else { return false };
     // SAFETY: no other code runs any more.

@@ -1,4 +1,4 @@
-//! The sectors of the chip's flash in which settings are kept, on a board that has some.
+//! The flash sectors in which settings are kept, on boards that have some.
 
 use ferrostep_stm32f4::sector_flash::{SECTOR_BYTES, SectorFlash};
 
@@ -12,7 +12,7 @@ pub type Sectors = SectorFlash<Volatile, { SETTINGS[0] }, { SETTINGS[1] as usize
 /// Takes the registers of the flash for [`sectors`], when the clock and the options are set.
 pub fn start(_flash: FLASH) {}
 
-/// The sectors, into which no image reaches (`memory.x`). For one task.
+/// The sectors, which no image reaches (`memory.x`). For one task.
 pub fn sectors() -> Sectors {
     // SAFETY: registers of the flash, which `start` has taken, so that no other code has them, and
     // words of sectors that the linker leaves free. Besides, the watchdog's reload value, which is

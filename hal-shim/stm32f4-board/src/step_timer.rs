@@ -1,4 +1,4 @@
-//! TIM2, the timer that makes the steps, and TIM9, which counts its updates.
+//! TIM2, the step timer, and TIM9, which counts its updates.
 
 use cortex_m::peripheral::NVIC;
 use ferrostep_hal_shim::{HomingSensors, MotionWatch, MotorEnable, PlanningClock, ServoPulses, StepQueue};
@@ -16,7 +16,7 @@ pub use crate::motor_stop::stop;
 use crate::pac::{Interrupt, RCC, TIM2, TIM9, tim2};
 use crate::servo;
 
-/// The step interrupt: the addresses that it needs and its state, side by side.
+/// State of the step interrupt, next to the addresses that it needs.
 pub struct StepTimer<M: 'static, const PORTS: usize, const N: usize> {
     ports: MotorPorts<PORTS>,
     player: &'static StepPlayer<M, PORTS, N>,
@@ -34,8 +34,8 @@ unsafe impl Send for Timer {}
 impl<M: Stepping, const PORTS: usize, const N: usize> StepTimer<M, PORTS, N> {
     /// Starts the timer, which never stops. Its interrupt is masked until a motion starts.
     ///
-    /// The counter is used as reset has left it. QEMU adds the time of the last write to the
-    /// counter to every interval, so it is never written.
+    /// The counter is used as reset left it. QEMU adds the time of the last write to the counter to
+    /// every interval, so the code never writes to it.
     pub fn start(
         timer: TIM2,
         counter: TIM9,
@@ -57,7 +57,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepTimer<M, PORTS, N> {
         Self { timer: Timer::new(), player, ports: motors.ports(), next: NextWords::NONE }
     }
 
-    /// The interrupt, for TIM2.
+    /// Handles TIM2's interrupt.
     #[inline(always)]
     pub fn update(&mut self) {
         // Copied, so that the compiler does not load it again.
@@ -65,8 +65,8 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepTimer<M, PORTS, N> {
         self.player.update(&mut self.next, &timer, &self.ports);
     }
 
-    /// The interrupt that the first calls, for TIM9: of the same priority, and in the table before
-    /// TIM2, so that it comes first where both wait. TIM9 itself never asks for it.
+    /// Handles TIM9's vector, which the step interrupt pends: it has the same priority and precedes
+    /// TIM2 in the table, so it runs first if both are pending. TIM9 itself never raises it.
     #[inline(always)]
     pub fn start_or_end(&mut self) {
         let timer = self.timer;
@@ -83,11 +83,11 @@ impl Timer {
     }
 }
 
-/// Makes TIM9 count the updates of TIM2, modulo 2^15. Without a TIM9 (in an emulator)
-/// there is no count.
+/// Makes TIM9 count the updates of TIM2, modulo 2^15. Without a TIM9 (in an emulator) there is no
+/// count.
 ///
-/// Slave of TIM2: external clock mode 1 on ITR0 (RM0090 19.4.3, SMS 111, TS 000; table 99:
-/// TIM9's ITR0 is TIM2).
+/// Slave of TIM2: external clock mode 1 on ITR0 (RM0090 19.4.3, SMS 111, TS 000; table 99: TIM9's
+/// ITR0 is TIM2).
 fn start_count(counter: TIM9, rcc: &RCC) {
     rcc.apb2enr().modify(|_, w| w.tim9en().set_bit());
     let _switched_on = rcc.apb2enr().read();
@@ -133,7 +133,7 @@ impl UpdateTimer for Timer {
 
     #[inline(always)]
     fn forget_served(&self) {
-        // The line is the flag's level: an update that has not been served calls again.
+        // The interrupt line follows the flag's level: an unserved update calls again.
         NVIC::unpend(Interrupt::TIM2);
     }
 
@@ -149,14 +149,14 @@ impl UpdateTimer for Timer {
     }
 }
 
-/// Calls [`StepTimer::start_or_end`]; it has returned when this returns.
+/// Calls [`StepTimer::start_or_end`], and returns after it has returned.
 fn call_start_or_end() {
     NVIC::pend(Interrupt::TIM1_BRK_TIM9);
     cortex_m::asm::dsb();
     cortex_m::asm::isb();
 }
 
-/// The queue's near end, for the planner task.
+/// Producer side of the queue, for the planner task.
 pub struct MotorQueue<B, M: 'static, const PORTS: usize, const N: usize> {
     motors: B,
     feeder: StepFeeder<'static, M, PORTS, N>,
@@ -171,8 +171,8 @@ pub struct MotorQueue<B, M: 'static, const PORTS: usize, const N: usize> {
 }
 
 impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQueue<B, M, PORTS, N> {
-    /// The producer's side. The clock tells how long planning takes; without one it is taken to
-    /// keep up. Puts the direction signals where the feeder takes them to be.
+    /// Creates the producer side. The clock measures how long planning takes; without one, planning
+    /// is assumed to keep up. Sets the direction signals to the levels that the feeder assumes.
     pub fn new(motors: B, feeder: StepFeeder<'static, M, PORTS, N>, clock: Option<MotionClock>) -> Self {
         let ports = motors.ports();
         for (port, word) in feeder.direction_words().into_iter().enumerate() {
@@ -194,8 +194,8 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQue
 }
 
 impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQueue<B, M, PORTS, N> {
-    /// Excludes the motors of Z outside the mask from stepping, and the extruders of all tools but
-    /// the selected one.
+    /// Excludes from stepping the Z motors outside the mask, and the extruders of all tools but the
+    /// selected one.
     fn rest(&mut self, z_motors: u8) {
         let of_z = (0..B::Z_MOTORS).filter(|motor| z_motors >> motor & 1 == 0).filter_map(B::z_step_pin);
         let extruders = if B::EXTRUDERS > 1 { B::EXTRUDERS } else { 0 };
@@ -203,13 +203,13 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQue
         self.feeder.step_without(of_z.chain(others));
     }
 
-    /// Returns true if TIM9, which counts the updates, is there: an emulator has none.
+    /// Returns true if the chip has TIM9, which counts the updates; an emulator has none.
     pub fn has_update_count(&self) -> bool {
         has_count()
     }
 
     /// Number of updates that the interrupt has missed in this motion; `None` if updates come
-    /// faster than both sides are read.
+    /// faster than both sides can be read.
     fn missed(&self) -> Option<u16> {
         if !has_count() {
             return Some(0);
@@ -226,7 +226,7 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQue
 }
 
 impl<B, M: Stepping, const PORTS: usize, const N: usize> MotorQueue<B, M, PORTS, N> {
-    /// Adds entries as they are made.
+    /// Adds entries as an iterator produces them.
     ///
     /// # Errors
     /// As [`StepFeeder::extend`].
@@ -302,7 +302,7 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueu
 
     fn take_missed_updates(&mut self) -> u32 {
         let Some(missed) = self.missed() else { return 0 };
-        // Fewer than before: another motion.
+        // Fewer than before: a new motion.
         let new = missed.saturating_sub(self.counted_missed);
         self.counted_missed = missed;
         new.into()

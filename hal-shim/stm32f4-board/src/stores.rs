@@ -1,10 +1,10 @@
-//! Stores to registers that a table names: how the board's file becomes pins.
+//! Register stores listed in a table: how the board file becomes pins.
 
-/// A register becomes `old & !clear | set`.
+/// A change of a register to `old & !clear | set`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Store {
-    /// The register.
+    /// Address of the register.
     pub address: u32,
     /// Bits that become 0, unless they are set.
     pub clear: u32,
@@ -15,8 +15,8 @@ pub struct Store {
 /// Makes the stores, in order.
 ///
 /// # Safety
-/// Each address is a register of 32 bits that may be read and may have this value at this time, and
-/// no other code changes it meanwhile.
+/// Each address is a 32-bit register that may be read and may take this value at this time, and no
+/// other code changes it meanwhile.
 pub(crate) unsafe fn apply(stores: &[Store]) {
     for &Store { address, clear, set } in stores {
         let register = address as *mut u32;

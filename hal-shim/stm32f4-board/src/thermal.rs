@@ -14,17 +14,17 @@ use crate::volatile::Volatile;
 /// The board's heaters.
 pub type Heaters = BoardHeaters<Volatile>;
 
-/// Memory for the conversions that DMA stores: in RAM that it reaches.
+/// Buffer for the conversions that DMA stores, in RAM that DMA can reach.
 static MEMORY: [AtomicU16; THERMISTORS * CONVERSIONS] = [const { AtomicU16::new(0) }; THERMISTORS * CONVERSIONS];
 
-/// Pulses of the fans' tachometers.
+/// Pulse counts of the fans' tachometers.
 static PULSES: PulseCounts = [const { AtomicU16::new(0) }; FanOutput::COUNT];
 
-/// The peripherals that measure.
+/// Peripherals used for the temperature measurement.
 pub type Converters = (ADC1, ADC3, ADC_COMMON, DMA2);
 
-/// Starts converter and timers, all heaters and fans off; `None` on a board without heaters. Fans
-/// that the machine does not use stay plain outputs, and low. After
+/// Starts converter and timers with all heaters and fans off; `None` on a board without heaters.
+/// Fans that the machine does not use stay plain outputs, and low. Call after
 /// [`BoardPins::new`](crate::board::BoardPins::new).
 pub fn start(used_fans: [bool; FanOutput::COUNT], _converters: Converters, clock: &Clock) -> Option<Heaters> {
     let mut pins = THERMAL?;
@@ -43,11 +43,12 @@ pub fn start(used_fans: [bool; FanOutput::COUNT], _converters: Converters, clock
     Some(BoardHeaters::start(&pins, &MEMORY, address, &PULSES, clocks, registers))
 }
 
-/// The fans' tachometers; `None` on a board without any.
+/// Tachometers of the fans; `None` on a board without any.
 pub struct FanSpeeds(Tachometers);
 
 impl FanSpeeds {
-    /// Makes their pins inputs. In `init`, after [`BoardPins::new`](crate::board::BoardPins::new).
+    /// Configures the tachometer pins as inputs. Call in `init`, after
+    /// [`BoardPins::new`](crate::board::BoardPins::new).
     pub fn start() -> Option<Self> {
         let fans = THERMAL?.fans;
         if !fans.iter().flatten().any(|fan| fan.tachometer.is_some()) {
@@ -59,7 +60,7 @@ impl FanSpeeds {
         Some(Self(Tachometers::start(&fans, &mut registers)))
     }
 
-    /// Counts pulses. To be called every millisecond.
+    /// Counts pulses. Call every millisecond.
     pub fn look(&mut self) {
         // SAFETY: it reads the ports' inputs.
         let mut registers = unsafe { Volatile::new() };

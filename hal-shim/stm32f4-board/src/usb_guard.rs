@@ -1,4 +1,4 @@
-//! Keeps the USB controller's driver from values at which it would panic.
+//! Guard that keeps the driver of the USB controller from values at which it would panic.
 
 use ferrostep_stm32f4::usb_controller;
 
@@ -6,7 +6,7 @@ use crate::handlers;
 use crate::pac::{OTG_FS_DEVICE, OTG_FS_GLOBAL};
 use crate::volatile::Volatile;
 
-/// Looks at the controller before its driver does.
+/// Check of the controller before its driver accesses it.
 #[derive(Debug)]
 pub struct UsbGuard {
     registers: Volatile,
@@ -14,15 +14,15 @@ pub struct UsbGuard {
 }
 
 impl UsbGuard {
-    /// A guard of a controller that has answered.
+    /// Creates the guard of a controller that has answered.
     pub fn new(_global: &OTG_FS_GLOBAL, _device: &OTG_FS_DEVICE) -> Self {
         // SAFETY: registers of the controller, which the caller has, and which its driver uses at
         // other times only: in the same interrupt.
         Self { registers: unsafe { Volatile::new() }, is_off: false }
     }
 
-    /// Returns true if the driver may look at the controller now. If not, the port leaves
-    /// the bus for good.
+    /// Returns true if the driver may access the controller now. Otherwise the port leaves the bus
+    /// for good.
     pub fn is_sound(&mut self) -> bool {
         if !self.is_off && usb_controller::has_wrong_speed(&mut self.registers) {
             usb_controller::switch_off(&mut self.registers);
@@ -36,7 +36,7 @@ impl UsbGuard {
         self.is_off
     }
 
-    /// The end of the interrupt.
+    /// Ends the interrupt.
     pub fn complete(&self) {
         handlers::complete_stores();
     }

@@ -1,9 +1,8 @@
-//! Replacement of an interrupt's handler while the program runs.
+//! Run-time replacement of an interrupt handler.
 //!
-//! The core finds its handlers in a table, by an address that it keeps in VTOR (PM0214, 4.4.4).
-//! The table of the image lies in flash. While a handler is replaced, a copy in RAM takes the
-//! table's place; then the interrupt's own code needs no flag to look at, and costs nothing extra
-//! without a replacement.
+//! The core finds its handlers in a table, at the address in VTOR (PM0214, 4.4.4). The image's
+//! table is in flash. While a handler is replaced, a copy in RAM takes its place; so the
+//! interrupt's own code needs no flag to test, and costs nothing extra without a replacement.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -22,13 +21,13 @@ const LAST: Interrupt = Interrupt::FPU;
 #[cfg(feature = "stm32f446")]
 const LAST: Interrupt = Interrupt::FMPI2C1_ERROR;
 
-/// All entries.
+/// Number of all entries.
 const ENTRIES: usize = EXCEPTIONS + LAST as usize + 1;
 
 /// A handler, as the core calls it.
 pub type Handler = unsafe extern "C" fn();
 
-/// The copy. VTOR wants it aligned to its size, rounded up to a power of two.
+/// Copy of the table. VTOR requires it to be aligned to its size, rounded up to a power of two.
 #[repr(C, align(512))]
 struct Table([AtomicU32; ENTRIES]);
 
@@ -37,12 +36,12 @@ const _: () = assert!(size_of::<Table>() == 512, "the alignment is less than the
 static COPY: Table = Table([const { AtomicU32::new(0) }; ENTRIES]);
 
 unsafe extern "C" {
-    /// The image's table, where the linker script of cortex-m-rt has put it. An entry that the chip
-    /// does not have is 0; the first is the stack pointer, which only the core makes use of.
+    /// The image's table, placed by cortex-m-rt's linker script. An entry that the chip does not
+    /// have is 0; the first is the stack pointer, which only the core uses.
     static __vector_table: [Option<Handler>; ENTRIES];
 }
 
-/// The handler that the image has for an interrupt.
+/// The image's handler for an interrupt.
 #[inline(always)]
 pub fn original(interrupt: Interrupt) -> Option<Handler> {
     // SAFETY: the table is in flash, as long as said, and never written; `None` is what a word of 0
@@ -54,44 +53,43 @@ pub fn original(interrupt: Interrupt) -> Option<Handler> {
 /// The core's vector table register.
 pub struct VectorTable {
     scb: SCB,
-    /// Address of the image's table: cortex-m-rt has told the core, whatever a boot
-    /// loader had told it.
+    /// Address of the image's table, which cortex-m-rt has set, overriding a boot loader's.
     of_image: u32,
 }
 
 impl VectorTable {
-    /// Takes charge of VTOR.
+    /// Takes ownership of VTOR.
     pub fn new(scb: SCB) -> Self {
         let of_image = scb.vtor.read();
         Self { scb, of_image }
     }
 
-    /// Makes the core call `handler` at an interrupt from now on. Replaces at most one; the
-    /// last one counts.
+    /// Makes the core call `handler` at an interrupt from now on. Replaces at most one handler; the
+    /// last call counts.
     ///
     /// # Safety
     /// `handler` must be sound to run at any moment at which the interrupt may come, at its
-    /// priority, and do all that the handler it replaces is relied on for.
+    /// priority, and must do everything that the replaced handler is relied on for.
     pub unsafe fn replace(&mut self, interrupt: Interrupt, handler: Handler) {
         // SAFETY: as in `original`; read as words, each of which is valid.
         let image = unsafe { &*(&raw const __vector_table).cast::<[u32; ENTRIES]>() };
         for (entry, (copy, &word)) in COPY.0.iter().zip(image).enumerate() {
             let is_replaced = entry == EXCEPTIONS.wrapping_add(interrupt as usize);
-            // On this target an address has 32 bits; bit 0 says Thumb and is set in
-            // every function's.
+            // Addresses have 32 bits on this target; bit 0 marks Thumb code and is set for every
+            // function.
             copy.store(if is_replaced { handler as usize as u32 } else { word }, Ordering::Relaxed);
         }
         self.point_to((&raw const COPY) as usize as u32);
     }
 
-    /// The image's own handlers again.
+    /// Restores the image's own handlers.
     pub fn restore(&mut self) {
         self.point_to(self.of_image);
     }
 
     fn point_to(&mut self, table: u32) {
-        // The copy is complete before the core may read it, and the next interrupt is taken
-        // by the new table.
+        // The copy must be complete before the core may read it; the next interrupt uses the new
+        // table.
         dsb();
         // SAFETY: a table of handlers, aligned as it has to be: either the image's or the copy,
         // complete by now.

@@ -1,4 +1,4 @@
-//! The chip's registers for the adapters of hal-shim that know them by address.
+//! The chip's registers, for the adapters of hal-shim that reach them by address.
 
 use ferrostep_stm32f4::registers::Registers;
 
@@ -24,7 +24,7 @@ impl Registers for Volatile {
 
     #[inline]
     fn write(&mut self, address: u32, value: u32) {
-        // SAFETY: as above; tests on the desk read what the adapters store.
+        // SAFETY: as above; tests on a PC read what the adapters store.
         unsafe { (address as *mut u32).write_volatile(value) };
     }
 }

@@ -1,14 +1,14 @@
-//! Classic Bresenham: a decision a step.
+//! Classic Bresenham: one decision per step.
 
 use super::decisions::{Decisions, Uncounted};
 use ferrostep_planner::bresenham::Slope;
 
-/// A line, walked step by step of its major axis (Wu 2024, eq. 3).
+/// A line walked step by step along its major axis (Wu 2024, eq. 3).
 #[derive(Clone, Copy, Debug)]
 pub struct Classic<D = Uncounted> {
-    /// 2 dy, by which the decision value rises where the major axis steps alone.
+    /// 2 dy, by which the decision value rises if the major axis steps alone.
     rise: i32,
-    /// 2 (dy - dx), not above zero, by which it changes where both step.
+    /// 2 (dy - dx), not above zero, by which the decision value changes if both axes step.
     fall: i32,
     /// Decision value of the next step.
     decision: i32,
@@ -16,7 +16,7 @@ pub struct Classic<D = Uncounted> {
 }
 
 impl<D: Decisions> Classic<D> {
-    /// New at the start of a line.
+    /// Creates the state at the start of a line.
     #[inline]
     pub fn new(slope: Slope) -> Self {
         let (dx, dy) = (slope.dx(), slope.dy());
@@ -24,8 +24,8 @@ impl<D: Decisions> Classic<D> {
         Self { rise, fall, decision: rise.wrapping_sub(dx), decisions: D::default() }
     }
 
-    /// Passes `count` steps of the major axis, a decision each; returns true if the minor axis
-    /// steps with the last of them.
+    /// Passes `count` steps of the major axis with one decision each; returns true if the minor
+    /// axis steps with the last of them.
     ///
     /// The decision value stays within 2 dx of zero, however many steps are passed.
     #[inline(always)]
@@ -38,7 +38,7 @@ impl<D: Decisions> Classic<D> {
         steps
     }
 
-    /// Decisions so far.
+    /// Number of decisions so far.
     pub fn decisions(&self) -> u64 {
         self.decisions.count()
     }

@@ -1,16 +1,16 @@
 //! Counts of comparisons of decision values with zero: the work that Wu 2024 saves.
 
-/// Comparison of decision values, which may be counted. All comparisons of an algorithm pass
-/// through here, so that none is left out.
+/// Comparison of decision values, optionally counted. All comparisons of an algorithm go through
+/// this trait, so that none is left out.
 pub trait Decisions: Copy + Default {
     /// True if a decision value is above zero.
     fn is_above_zero(&mut self, value: i32) -> bool;
 
-    /// Comparisons so far.
+    /// Number of comparisons so far.
     fn count(&self) -> u64;
 }
 
-/// Keeps no count, at no cost.
+/// A comparison without a count, at no cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Uncounted;
 
@@ -26,7 +26,7 @@ impl Decisions for Uncounted {
     }
 }
 
-/// Keeps count.
+/// A comparison with a count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counted(u64);
 

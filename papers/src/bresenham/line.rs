@@ -1,26 +1,26 @@
-//! Lines of several axes in any direction: the longest axis leads, each other one is interpolated
-//! against it (Wu 2024, section 1).
+//! Lines of several axes in any direction: the longest axis leads, and each of the others is
+//! interpolated against it (Wu 2024, section 1).
 
 use super::classic::Classic;
 use super::decisions::Decisions;
 use super::widths::Widths;
 use ferrostep_planner::bresenham::{LineError, MAX_STEPS, Slope};
 
-/// A straight line of `AXES` axes, at most 8, from one point of the grid to another.
+/// A straight line of `AXES` axes, at most 8, between two grid points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Line<const AXES: usize> {
     /// Slope of each axis against the longest one.
     slopes: [Slope; AXES],
-    /// Steps of the longest axis.
+    /// Number of steps of the longest axis.
     steps: u32,
-    /// Bit i: axis i is the longest; the first of several.
+    /// Mask of the longest axis (bit i = axis i); the first one if several are longest.
     master: u8,
-    /// Bit i: axis i runs backwards.
+    /// Mask of the axes that run backwards (bit i = axis i).
     directions: u8,
 }
 
 impl<const AXES: usize> Line<AXES> {
-    /// The line that leads this many steps away, which may be 0 on some axes or on all.
+    /// Creates the line with this displacement in steps, which may be 0 on some or all axes.
     ///
     /// # Errors
     /// An axis would make more than [`MAX_STEPS`] steps.
@@ -45,7 +45,7 @@ impl<const AXES: usize> Line<AXES> {
         Ok(Self { slopes, steps, master, directions })
     }
 
-    /// The line between two points.
+    /// Creates the line between two points.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -57,17 +57,17 @@ impl<const AXES: usize> Line<AXES> {
         Self::new(displacement)
     }
 
-    /// Steps of the longest axis.
+    /// Number of steps of the longest axis.
     pub fn steps(&self) -> u32 {
         self.steps
     }
 
-    /// Bit i: axis i runs backwards.
+    /// Mask of the axes that run backwards (bit i = axis i).
     pub fn directions(&self) -> u8 {
         self.directions
     }
 
-    /// The line stair by stair, widths found by the rule that is asked for.
+    /// The line as stairs, with widths found by rule `W`.
     pub fn stairs<W: Widths>(&self) -> LineStairs<W, AXES> {
         let mut stairs = LineStairs { followers: self.slopes.map(Follower::new), usual: self.master, left: self.steps };
         for (axis, slope) in self.slopes.iter().enumerate() {
@@ -76,8 +76,8 @@ impl<const AXES: usize> Line<AXES> {
         stairs
     }
 
-    /// The line point by point, by classic Bresenham. Points are relative to the start, which is
-    /// not one of them.
+    /// The line as points, by classic Bresenham. Points are relative to the start, which is not one
+    /// of them.
     pub fn points<D: Decisions>(&self) -> Points<D, AXES> {
         Points {
             followers: self.slopes.map(Classic::new),
@@ -89,24 +89,24 @@ impl<const AXES: usize> Line<AXES> {
     }
 }
 
-/// Events that step the same axes, but for the last.
+/// Consecutive events that step the same axes, except for the last event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineStair {
     /// Number of steps, at least 1.
     pub count: u32,
-    /// Axes that step in each, and in the last too if they do not differ there.
+    /// Axes that step in each event, including the last unless they are in `differing`.
     pub axes: u8,
-    /// Axes with which it is the other way round in the last.
+    /// Axes that do the opposite in the last event.
     pub differing: u8,
 }
 
-/// An axis with the longest, itself included.
+/// An axis interpolated against the longest; the longest itself is included.
 #[derive(Clone, Copy, Debug)]
 struct Follower<W> {
     widths: W,
-    /// Whole stairs to come, the present one included.
+    /// Remaining whole stairs, including the present one.
     whole: u32,
-    /// Events up to the end of the present one; out of reach after the last.
+    /// Number of events up to the end of the present stair; out of reach after the last.
     left: u32,
 }
 
@@ -121,8 +121,8 @@ impl<W: Widths> Follower<W> {
         self.left = if self.whole > 0 { self.widths.width() } else { u32::MAX };
     }
 
-    /// Passes `count` events, at most those left in the present stair; returns true if the
-    /// stair ends with them.
+    /// Passes `count` events, at most those left in the present stair; returns true if the stair
+    /// ends with them.
     fn pass(&mut self, count: u32) -> bool {
         if self.whole == 0 {
             return false;
@@ -137,19 +137,20 @@ impl<W: Widths> Follower<W> {
     }
 }
 
-/// A line's stairs: an event in which some axis differs from what it usually does ends each. At
-/// most the sum of min(dy, dx - dy) over the axes beside the longest, and one.
+/// Stairs of a line: each ends with an event in which some axis deviates from its usual behaviour.
+/// Their number is at most the sum of min(dy, dx - dy) over the axes other than the longest, plus
+/// one.
 #[derive(Clone, Copy, Debug)]
 pub struct LineStairs<W, const AXES: usize> {
     followers: [Follower<W>; AXES],
     /// Axes that step in most events.
     usual: u8,
-    /// Events to come.
+    /// Number of remaining events.
     left: u32,
 }
 
 impl<W: Widths, const AXES: usize> LineStairs<W, AXES> {
-    /// Decision values compared so far.
+    /// Number of decision values compared so far.
     pub fn decisions(&self) -> u64 {
         self.followers.iter().map(|follower| follower.widths.decisions()).sum()
     }
@@ -172,7 +173,7 @@ impl<W: Widths, const AXES: usize> Iterator for LineStairs<W, AXES> {
     }
 }
 
-/// A line's points, the last one first reached at its end.
+/// Points of a line after its start, up to and including the end.
 #[derive(Clone, Copy, Debug)]
 pub struct Points<D, const AXES: usize> {
     followers: [Classic<D>; AXES],
@@ -183,7 +184,7 @@ pub struct Points<D, const AXES: usize> {
 }
 
 impl<D: Decisions, const AXES: usize> Points<D, AXES> {
-    /// Decision values compared so far.
+    /// Number of decision values compared so far.
     pub fn decisions(&self) -> u64 {
         self.followers.iter().map(Classic::decisions).sum()
     }
@@ -209,7 +210,7 @@ impl<D: Decisions, const AXES: usize> Iterator for Points<D, AXES> {
         let axes = self.next_axes()?;
         for (axis, at) in self.at.iter_mut().enumerate() {
             let step = if self.directions >> axis & 1 == 0 { 1 } else { -1 };
-            // The place stays within [`MAX_STEPS`] of zero.
+            // The position stays within [`MAX_STEPS`] of zero.
             *at = at.wrapping_add(if axes >> axis & 1 == 0 { 0 } else { step });
         }
         Some(self.at)

@@ -1,43 +1,43 @@
-//! A line of two axes, stair by stair.
+//! Stairs of a line of two axes.
 
 use super::widths::{FromQuotient, Widths};
 use ferrostep_planner::bresenham::Slope;
 
-/// Equal steps of a line, except the last where the stair is whole.
+/// Equal steps of a line, except for the last step if the stair is whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stair {
     /// Steps of the major axis, at least 1.
     pub width: u32,
-    /// True if its last step is of the rarer kind: with the minor axis, or without it on a steep
-    /// line ([`Slope::is_steep`]). False for the remainder after the last stair.
+    /// True if the last step is of the rarer kind: with the minor axis or, on a steep line, without
+    /// it ([`Slope::is_steep`]). False for the remainder after the last stair.
     pub is_whole: bool,
 }
 
-/// A line's stairs, and the remainder after the last: at most min(dy, dx - dy) + 1.
+/// Stairs of a line, and the remainder after the last: at most min(dy, dx - dy) + 1.
 #[derive(Clone, Copy, Debug)]
 pub struct Stairs<W = FromQuotient> {
     widths: W,
-    /// Whole stairs to come.
+    /// Number of remaining whole stairs.
     whole: u32,
-    /// Steps to come.
+    /// Number of remaining steps.
     steps: u32,
 }
 
 impl<W: Widths> Stairs<W> {
-    /// New at the start of a line.
+    /// Creates the state at the start of a line.
     #[inline(always)]
     pub fn new(slope: Slope) -> Self {
         Self { widths: W::new(slope), whole: slope.rarer() as u32, steps: slope.major() }
     }
 
-    /// Whole stairs to come.
+    /// Number of remaining whole stairs.
     #[inline(always)]
     pub fn whole(&self) -> u32 {
         self.whole
     }
 
-    /// The width of the next whole stair, for those who count that there is one: beyond
-    /// [`Self::whole`] it means nothing.
+    /// Width of the next whole stair. The caller must ensure that there is one: beyond
+    /// [`Self::whole`] the value is meaningless.
     #[inline(always)]
     pub fn whole_width(&mut self) -> u32 {
         self.whole = self.whole.wrapping_sub(1);
@@ -46,13 +46,13 @@ impl<W: Widths> Stairs<W> {
         width
     }
 
-    /// Steps after the last whole stair, once all of these were handed out.
+    /// Number of steps after the last whole stair, once all whole stairs were handed out.
     #[inline(always)]
     pub fn rest(&self) -> u32 {
         self.steps
     }
 
-    /// Decision values compared so far.
+    /// Number of decision values compared so far.
     pub fn decisions(&self) -> u64 {
         self.widths.decisions()
     }

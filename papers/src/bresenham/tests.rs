@@ -2,8 +2,8 @@
 use super::*;
 use proptest::prelude::*;
 
-/// Wu 2024 eq. 3, literally and in 64 bits: yields for each step of the major axis if the minor one
-/// steps, and counts the decisions.
+/// Wu 2024 eq. 3, literally and in 64 bits: yields for each step of the major axis whether the
+/// minor one steps, and counts the decisions.
 fn classic(dx: i64, dy: i64) -> impl Iterator<Item = bool> {
     let mut decision = 2 * dy - dx;
     (0..dx).map(move |_| {
@@ -13,7 +13,7 @@ fn classic(dx: i64, dy: i64) -> impl Iterator<Item = bool> {
     })
 }
 
-/// Steps of the minor axis, stair by stair.
+/// Steps of the minor axis, computed stair by stair.
 fn by_stairs<W: Widths>(slope: Slope) -> impl Iterator<Item = bool> {
     let usual = slope.is_steep();
     Stairs::<W>::new(slope).flat_map(move |stair| {
@@ -28,7 +28,7 @@ fn assert_classic_points<W: Widths>(dx: u32, dy: u32) {
     assert!(stairs.eq(classic(dx.into(), dy.into())), "{dx} {dy} {}", core::any::type_name::<W>());
 }
 
-/// Checks every rule, and classic Bresenham as it is here, against the formula.
+/// Checks every rule, and this crate's classic Bresenham, against the formula.
 fn assert_all_agree(dx: u32, dy: u32) {
     assert_classic_points::<FromFirstStair>(dx, dy);
     assert_classic_points::<FromQuotient>(dx, dy);
@@ -48,7 +48,7 @@ fn every_small_slope_has_classic_bresenhams_points() {
     }
 }
 
-/// A line's points by its stairs.
+/// Points of a line, computed from its stairs.
 fn points_by_stairs<W: Widths, const AXES: usize>(line: &Line<AXES>) -> Vec<[i32; AXES]> {
     let mut at = [0; AXES];
     let mut points = Vec::new();
@@ -64,8 +64,8 @@ fn points_by_stairs<W: Widths, const AXES: usize>(line: &Line<AXES>) -> Vec<[i32
     points
 }
 
-/// Computes the point nearest to the ideal line at each step of the longest axis, a tie going to
-/// the start's side: the result of classic Bresenham, without any decision value.
+/// Computes the point nearest to the ideal line at each step of the longest axis, with ties going
+/// to the start's side: the result of classic Bresenham, without any decision value.
 fn nearest_points<const AXES: usize>(displacement: [i64; AXES]) -> Vec<[i32; AXES]> {
     let longest = displacement.iter().map(|d| d.abs()).max().unwrap();
     (1..=longest)
@@ -78,7 +78,7 @@ fn every_small_line_in_every_octant_has_the_nearest_points() {
     for dx in -300i64..=300 {
         for dy in -300i64..=300 {
             let line = Line::new([dx, dy]).unwrap();
-            // The axes' states, not lists: these are 10^8 points.
+            // Iterators, not lists: these are 10^8 points.
             let mut points = line.points::<Uncounted>();
             let (mut at, mut step) = ([0; 2], 0);
             let longest = dx.abs().max(dy.abs());
@@ -88,7 +88,7 @@ fn every_small_line_in_every_octant_has_the_nearest_points() {
                     step += 1;
                     for (axis, d) in [dx, dy].into_iter().enumerate() {
                         at[axis] += i64::from(axes >> axis & 1) * if d < 0 { -1 } else { 1 };
-                        // |2 longest at - 2 step d| <= longest, and at a tie nearer to the start.
+                        // |2 longest at - 2 step d| <= longest; at a tie nearer to the start.
                         let beyond = 2 * (longest * at[axis] - step * d) * d.signum();
                         assert!(-longest <= beyond && beyond < longest.max(1), "{dx} {dy}");
                     }
@@ -118,7 +118,7 @@ fn the_first_stair_tells_the_others_widths() {
     }
 }
 
-/// Decisions of one way to walk a line by stairs.
+/// Number of decisions when a line is walked by stairs with rule `W`.
 fn decisions<W: Widths>(slope: Slope) -> u64 {
     let mut stairs = Stairs::<W>::new(slope);
     stairs.by_ref().for_each(drop);

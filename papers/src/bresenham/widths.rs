@@ -9,16 +9,16 @@
 use super::decisions::{Decisions, Uncounted};
 use ferrostep_planner::bresenham::Slope;
 
-/// A rule that finds the widths of a line's stairs one after the other.
+/// A rule that finds the widths of a line's stairs in order.
 pub trait Widths: Copy {
-    /// New at the start of a line.
+    /// Creates the state at the start of a line.
     fn new(slope: Slope) -> Self;
 
     /// Width of the next stair. There are as many stairs as steps of the rarer kind; beyond them,
     /// or without any, the width is meaningless.
     fn width(&mut self) -> u32;
 
-    /// Decision values compared so far.
+    /// Number of decision values compared so far.
     fn decisions(&self) -> u64;
 }
 
@@ -35,16 +35,16 @@ pub trait Widths: Copy {
 pub struct FromFirstStair<D = Uncounted> {
     rise: i32,
     fall: i32,
-    /// e, after the last stair handed out.
+    /// e after the last stair handed out.
     decision: i32,
-    /// 2n-2, and the change of the decision value by a stair of that width; none before
-    /// the first stair.
+    /// 2n-2, and the change of the decision value over a stair of that width; `None` before the
+    /// first stair.
     least: Option<(u32, i32)>,
     decisions: D,
 }
 
 impl<D: Decisions> FromFirstStair<D> {
-    /// The first stair, counted.
+    /// Counts the first stair.
     #[inline(always)]
     fn first(&mut self) -> u32 {
         if self.rise == 0 {
@@ -105,9 +105,9 @@ impl<D: Decisions> Widths for FromFirstStair<D> {
 #[derive(Clone, Copy, Debug)]
 pub struct FromQuotient<D = Uncounted> {
     rise: i32,
-    /// F, of the next stair. Half of it for the first.
+    /// F of the next stair; half of it for the first.
     least: u32,
-    /// F, of all stairs but the first.
+    /// F of all stairs but the first.
     quotient: u32,
     /// 2 dx - 2 F dy, by which a stair of width F lowers the decision value.
     lower: i32,
@@ -146,12 +146,12 @@ impl<D: Decisions> Widths for FromQuotient<D> {
     }
 }
 
-/// Widths with a division a stair.
+/// Widths with one division per stair.
 #[derive(Clone, Copy, Debug)]
 pub struct FromDivision {
     rise: i32,
     fall: i32,
-    /// e, after the last stair.
+    /// e after the last stair.
     decision: i32,
 }
 

@@ -1,14 +1,14 @@
-//! Speeds and lengths that a jerk and an acceleration allow a ramp of two halves.
+//! Speeds and lengths that a jerk and an acceleration limit allow for a ramp of two halves.
 //!
 //! Li 2017, eqs. 1 to 4, changes the speed by dv in 2 t1, t1 = sqrt(dv/j), with a greatest
 //! acceleration of j t1. The machine also limits the acceleration to a, which Li does not: if j t1
-//! would exceed it, t1 = dv/a, and the jerk is the smaller dv/t1^2 = a^2/dv. A ramp is +j and then
-//! -j in either case, and half of it the mean of both speeds, so that its length is (v0 + v1) t1,
-//! t1 = max(sqrt(dv/j), dv/a).
+//! would exceed it, t1 = dv/a, and the jerk is the smaller dv/t1^2 = a^2/dv. In either case a ramp
+//! is +j and then -j, and the speed at its middle is the mean of both speeds, so that its length is
+//! (v0 + v1) t1, t1 = max(sqrt(dv/j), dv/a).
 
 use ferrostep_planner::square_root::square_root;
 
-/// Largest jerk and acceleration along the path. Any unit of length; seconds.
+/// Maximum jerk and acceleration along the path. Any unit of length; seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RampBounds {
     /// The jerk.
@@ -17,7 +17,7 @@ pub(crate) struct RampBounds {
     pub(crate) acceleration: f64,
 }
 
-/// Halvings of an interval of speeds, down to the rounding of f64.
+/// Number of bisections of a speed interval, down to the rounding of f64.
 const BISECTIONS: usize = 52;
 
 impl RampBounds {
@@ -32,25 +32,25 @@ impl RampBounds {
         (one + other) * self.half_time(one, other)
     }
 
-    /// The fastest speed that can be reached from `speed` over a length, or from which that
-    /// speed can be reached.
+    /// Fastest speed that can be reached from `speed` over a length, or from which `speed` can be
+    /// reached.
     pub(crate) fn reach(&self, speed: f64, length: f64) -> f64 {
         if length <= 0.0 {
             return speed;
         }
-        // No limit of acceleration is passed; without one, sqrt((v1 - v0)/j) (v1 - v0) < L.
+        // The acceleration limit is not exceeded; without one, sqrt((v1 - v0)/j) (v1 - v0) < L.
         let by_acceleration = square_root(speed * speed + self.acceleration * length);
         let by_jerk = speed + cube_root(length * length * self.jerk);
         last_that(speed, by_acceleration.min(by_jerk), |fast| self.length(speed, fast) <= length)
     }
 
-    /// Version of [`Self::reach`] that for slow speeds returns the least of what is reached from a
-    /// stop and from every speed below: a greater speed never reaches less.
+    /// Variant of [`Self::reach`] that, for slow speeds, returns the minimum of the speeds reached
+    /// from a stop and from every speed below: a greater speed never reaches less.
     ///
-    /// Alone it would. The length (u + x) sqrt((u - x)/j) has its greatest value at x = u/3,
-    /// because the acceleration has to be gone at x: from a little more than a stop one reaches
-    /// less than from a stop. Look-ahead raises the speeds of corners, and what it granted before
-    /// must stay possible.
+    /// [`Self::reach`] alone does not guarantee that. The length (u + x) sqrt((u - x)/j) has its
+    /// maximum at x = u/3, because the acceleration has to be gone at x: a start slightly faster
+    /// than a stop reaches less than a stop. Look-ahead raises corner speeds, and the speeds it
+    /// granted before must stay possible.
     pub(crate) fn reach_from_up_to(&self, speed: f64, length: f64) -> f64 {
         // Farthest reach, at x = u/3: L = 4/3 u sqrt(2u/3j).
         let root = cube_root(length * 0.75 * square_root(1.5 * self.jerk));
@@ -59,13 +59,13 @@ impl RampBounds {
         if speed < farthest / 3.0 { reached.min(farthest) } else { reached }
     }
 
-    /// The slowest speed at least `wanted` and at most `speed`, such that it and all between can be
-    /// reached over a length.
+    /// Slowest speed from `wanted` to `speed` such that it and all speeds in between can be reached
+    /// over a length.
     pub(crate) fn slowest(&self, speed: f64, wanted: f64, length: f64) -> f64 {
         if wanted >= speed || self.length(speed, wanted) <= length {
             return wanted.min(speed);
         }
-        // Above a third of the speed, the lengths grow downwards.
+        // Above a third of the speed, the length grows as the speed falls.
         let low = wanted.max(speed / 3.0);
         if self.length(speed, low) <= length {
             return low;
@@ -73,8 +73,8 @@ impl RampBounds {
         speed - last_that(0.0, speed - low, |drop| self.length(speed, speed - drop) <= length)
     }
 
-    /// The greatest speed at most `most`, and not below the ends', to which one can go and come
-    /// back over a length.
+    /// Greatest speed, at most `most` and not below the speeds at the ends, that can be reached and
+    /// left again over a length.
     pub(crate) fn peak(&self, entry: f64, exit: f64, most: f64, length: f64) -> f64 {
         let least = entry.max(exit);
         if most <= least {
@@ -85,7 +85,7 @@ impl RampBounds {
     }
 }
 
-/// The last number from `low` on for which it holds, to `high`.
+/// Largest number from `low` to `high` up to which `holds` is true.
 fn last_that(mut low: f64, mut high: f64, holds: impl Fn(f64) -> bool) -> f64 {
     if holds(high) {
         return high;
@@ -101,13 +101,13 @@ fn last_that(mut low: f64, mut high: f64, holds: impl Fn(f64) -> bool) -> f64 {
     low
 }
 
-/// The cube root of a number that is not negative, by Newton's steps from above: each takes away a
-/// third, until they square the error.
+/// Cube root of a number that is not negative, by Newton's method from above: each step takes off a
+/// third, until the error is squared each time.
 fn cube_root(x: f64) -> f64 {
     if x <= 0.0 {
         return 0.0;
     }
-    // The bits of a float are about its logarithm; a third of them is at most 7 % off.
+    // The bits of a float approximate its logarithm; a third of them is off by at most 7 %.
     let mut root = f64::from_bits(x.to_bits() / 3 + 0x2a9f_7893_0000_0000) * 1.1;
     for _ in 0..6 {
         root -= (root - x / (root * root)) / 3.0;
@@ -132,7 +132,7 @@ mod tests {
             let [one, other] = [slow, slow + more].map(|speed| bounds.reach_from_up_to(speed, length));
             prop_assert!(other >= one * (1.0 - 1e-9), "{} {}", one, other);
             prop_assert!(one >= slow && bounds.length(slow, one) <= length * (1.0 + 1e-9), "{}", one);
-            // Nor is much given away: from a stop at most the 9 % of the length.
+            // Little is given away: from a stop at most 9 % of the length.
             prop_assert!(bounds.length(slow, one) >= length * 0.9 || bounds.length(0.0, one) >= length * 0.9);
         }
 

@@ -8,14 +8,14 @@ use super::target::{PlaneError, Target};
 use ferrostep_planner::DualRatePeriods;
 use ferrostep_planner::Kinematics;
 
-/// The methods of the CoreXY paper, in its order.
+/// Interpolation methods of the CoreXY paper, in its order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlaneMethod {
     /// [`PointByPoint`].
     PointByPoint,
     /// [`MinimumDeviation`].
     MinimumDeviation,
-    /// [`DualRate`], and minimum deviation in its dead zone.
+    /// [`DualRate`], with minimum deviation in its dead zone.
     DualRate,
 }
 
@@ -24,49 +24,50 @@ enum Rule {
     PointByPoint(PointByPoint),
     MinimumDeviation(MinimumDeviation),
     TwoRates(TwoRates),
-    /// Less than a pulse.
+    /// The line is less than a pulse.
     Nothing,
 }
 
-/// One or both motors step.
+/// A step of one or both motors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LineEvent {
-    /// Time, as a share of the line's time at a constant speed.
+    /// Time of the event, as a share of the line's duration at a constant speed.
     pub share: f64,
     /// Steps of A and B, -1, 0 or 1 each, not both 0.
     pub steps: [i8; 2],
 }
 
-/// Steps of the motors A and B along a line. A diagonal pulse is two events, two
-/// steps of one motor.
+/// Steps of the motors A and B along a line. A diagonal pulse is two events, two steps of one
+/// motor.
 ///
-/// Events are in the middle of their parts of the time, as in a print: of an N-th for N pulses, a
-/// half of that for each half of a diagonal, and of each motor's own period under dual-rate.
+/// Events are in the middle of their parts of the time, as in a print: N pulses have an N-th each,
+/// each half of a diagonal has half of that, and under dual-rate each motor has its own period.
 #[derive(Clone, Copy, Debug)]
 pub struct CoreXyLine {
     rule: Rule,
-    /// Steps of A and B in all.
+    /// Total steps of A and B.
     whole: [i64; 2],
     /// Steps of A and B so far.
     made: [i64; 2],
-    /// Quarters of pulses, of minimum deviation's or 4 for each of point-by-point's, passed so far.
+    /// Quarters of pulses passed so far: of minimum deviation's pulses, or 4 for each of
+    /// point-by-point's.
     quarters: u64,
     /// Quarters of pulses of the whole line.
     all_quarters: u64,
     feeds: FeedSteps,
-    /// The second step of a diagonal.
+    /// Second step of a diagonal.
     second: Option<MotorPulse>,
-    /// The odd step at the end.
+    /// Odd step at the end.
     rest: Option<MotorPulse>,
 }
 
 impl CoreXyLine {
-    /// The line on which the motors make these numbers of steps, either way.
+    /// Creates the line on which the motors make these numbers of steps, in either direction.
     ///
     /// # Errors
-    /// [`PlaneError`]; of the periods under [`PlaneMethod::DualRate`] only.
+    /// [`PlaneError`]; errors of the periods only under [`PlaneMethod::DualRate`].
     pub fn new(method: PlaneMethod, first: i64, second: i64, periods: &DualRatePeriods) -> Result<Self, PlaneError> {
-        // The motors' steps are in range even where the pulses, half as many, would be.
+        // Checks the motors' steps, even if the pulses, half as many, are in range.
         Target::new(first, second)?;
         let feeds = |[x, y]: [i64; 2]| FeedSteps::new(Kinematics::CoreXy, x, y);
         if method == PlaneMethod::DualRate
@@ -90,7 +91,8 @@ impl CoreXyLine {
     }
 
     fn of(rule: Rule, whole: [i64; 2], feeds: FeedSteps, pulses: u64, rest: Option<MotorPulse>) -> Self {
-        // The odd step takes as long as half a diagonal, and as a whole pulse of point-by-point's.
+        // The odd step takes as long as half a diagonal; in point-by-point, as long as a whole
+        // pulse.
         let rest_quarters = match (&rule, &rest) {
             (_, None) => 0,
             (Rule::MinimumDeviation(_), Some(_)) => 2,
@@ -100,7 +102,7 @@ impl CoreXyLine {
         Self { rule, whole, made: [0; 2], quarters: 0, all_quarters, feeds, second: None, rest }
     }
 
-    /// True if each motor has its own rate.
+    /// Returns true if each motor has its own rate.
     pub fn has_two_rates(&self) -> bool {
         matches!(self.rule, Rule::TwoRates(_))
     }
@@ -117,7 +119,7 @@ impl Iterator for CoreXyLine {
         if !self.has_two_rates() {
             return Some(LineEvent { share: self.pass_quarters(steps), steps });
         }
-        // Step k of N, by the motor that makes it; both say the same where both do.
+        // Step k of N of the motor that steps; if both do, both give the same.
         let motor = usize::from(steps[0] == 0);
         let share = (self.made[motor].unsigned_abs() as f64 - 0.5) / self.whole[motor].unsigned_abs() as f64;
         Some(LineEvent { share, steps })
@@ -144,7 +146,7 @@ impl CoreXyLine {
         Some(steps.signed())
     }
 
-    /// The time of these steps, the next: minimum deviation's have half a pulse where one
+    /// Passes the time of these next steps; under minimum deviation they take half a pulse if one
     /// motor steps alone.
     fn pass_quarters(&mut self, steps: [i8; 2]) -> f64 {
         let is_half = matches!(self.rule, Rule::MinimumDeviation(_)) && steps.contains(&0);

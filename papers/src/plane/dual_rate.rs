@@ -3,7 +3,7 @@
 use super::target::{PlaneError, Target};
 use ferrostep_planner::DualRatePeriods;
 
-/// Periods in microseconds, to the nearest nanosecond: T_min and T_max.
+/// Converts periods T_min and T_max from microseconds, to the nearest nanosecond.
 ///
 /// # Errors
 /// [`PlaneError::NoPeriod`] for a number of nanoseconds that is not from 1 to 2^32 - 1,
@@ -11,7 +11,7 @@ use ferrostep_planner::DualRatePeriods;
 pub fn periods_from_us(shortest_us: f64, longest_us: f64) -> Result<DualRatePeriods, PlaneError> {
     let [shortest_ns, longest_ns] = [shortest_us, longest_us].map(|us| {
         let ns = us * 1e3 + 0.5;
-        // NaN is in no range.
+        // NaN fails every range check.
         if (1.0..4_294_967_296.0).contains(&ns) { ns as u32 } else { 0 }
     });
     let periods = DualRatePeriods { shortest_ns, longest_ns };
@@ -27,15 +27,16 @@ fn check(periods: &DualRatePeriods) -> Result<(), PlaneError> {
     if periods.longest_ns < periods.shortest_ns { Err(PlaneError::PeriodsReversed) } else { Ok(()) }
 }
 
-/// True if the motor with fewer pulses would be slower than T_max while the other is at T_min: |A|
-/// : |B| is beyond T_max / T_min (the paper's eq. 8), or it does not turn at all.
+/// Returns true if the motor with fewer pulses would be slower than T_max while the other is at
+/// T_min, because |A| : |B| is beyond T_max / T_min (the paper's eq. 8), or if it does not turn at
+/// all.
 pub(crate) fn is_dead_zone(periods: &DualRatePeriods, one: u32, other: u32) -> bool {
     let (more, fewer) = (one.max(other), one.min(other));
     // T_more = T_min, and |A| T_1 = |B| T_2.
     u64::from(more) * u64::from(periods.shortest_ns) > u64::from(fewer) * u64::from(periods.longest_ns)
 }
 
-/// Line of two motors, each at its own rate.
+/// A line of two motors, each at its own rate.
 #[derive(Clone, Copy, Debug)]
 pub enum DualRate {
     /// Each motor has its own period.
@@ -45,10 +46,10 @@ pub enum DualRate {
 }
 
 impl DualRate {
-    /// The line on which the motors make these numbers of pulses, either way.
+    /// Creates the line on which the motors make these numbers of pulses, in either direction.
     ///
     /// # Errors
-    /// [`PlaneError`]; of the periods before those of the line.
+    /// [`PlaneError`]; errors of the periods come before those of the line.
     pub fn new(first: i64, second: i64, periods: &DualRatePeriods) -> Result<Self, PlaneError> {
         check(periods)?;
         let target = Target::new(first, second)?;
@@ -60,13 +61,12 @@ impl DualRate {
     }
 }
 
-/// The pulses of two motors that start and end together, each at a constant
-/// period: |A| T_1 = |B| T_2.
+/// Pulses of two motors that start and end together, each at a constant period: |A| T_1 = |B| T_2.
 ///
 /// The motor with more pulses runs at T_min. Pulse k of N is due at (k - 1/2) D / N, with D the
-/// duration: the paper does not say where in its period a pulse is. In the middle, each motor
-/// is within half a pulse of the line at every instant; at the end, within one. Pulses due
-/// together are one event.
+/// duration: the paper does not say where in its period a pulse is. With pulses in the middle of
+/// their periods, each motor is within half a pulse of the line at every instant; at the end,
+/// within one. Pulses due together are one event.
 #[derive(Clone, Copy, Debug)]
 pub struct TwoRates {
     target: Target,
@@ -81,7 +81,7 @@ impl TwoRates {
         u64::from(first.max(second)) * u64::from(self.shortest_ns)
     }
 
-    /// Period of each motor, ns.
+    /// Pulse period of each motor, ns.
     pub fn periods_ns(&self) -> [f64; 2] {
         // Both motors have pulses: otherwise the line would be in the dead zone.
         self.target.magnitudes.map(|pulses| self.duration_ns() as f64 / f64::from(pulses))
@@ -179,8 +179,8 @@ mod tests {
                 prop_assert!((a, b) != (0, 0));
                 made = [made[0] + i64::from(a), made[1] + i64::from(b)];
                 count += i64::from(a.abs()) + i64::from(b.abs());
-                // Half a pulse of each motor: |a B - b A| <= (|A| + |B|) / 2, so
-                // within one of either.
+                // Half a pulse of each motor: |a B - b A| <= (|A| + |B|) / 2, so within one pulse
+                // of either.
                 let off = (made[0] * second - made[1] * first).abs();
                 prop_assert!(2 * off <= first.abs() + second.abs(), "{:?}", made);
                 prop_assert!(off <= first.abs().max(second.abs()));

@@ -1,4 +1,4 @@
-//! Quality of a method's line.
+//! Quality figures of a method's line.
 
 use super::core_xy::{CoreXyLine, LineEvent, PlaneMethod};
 use super::target::{PlaneError, Target};
@@ -10,26 +10,26 @@ use ferrostep_planner::square_root::square_root;
 pub struct LineFigures {
     /// True if each motor had its own rate.
     pub has_two_rates: bool,
-    /// Interpolation steps as the paper counts them: pulses along X, Y or a diagonal; under
-    /// dual-rate those of the motor that has more.
+    /// Number of interpolation steps as the paper counts them: pulses along X, Y or a diagonal;
+    /// under dual-rate those of the motor that has more.
     pub feeds: u64,
-    /// Times at which a motor steps, or both.
+    /// Number of instants at which one or both motors step.
     pub events: u64,
     /// Steps of both motors together.
     pub motor_steps: u64,
     /// Steps of the motor that makes more of them.
     pub busiest_motor_steps: u64,
-    /// Number of times that a motor turns round.
+    /// Number of times that a motor reverses.
     pub reversals: u64,
-    /// Largest distance from the ideal line after an event, in pulses along X or Y.
+    /// Largest distance from the ideal line after an event, pulses along X or Y.
     pub largest_distance: f64,
-    /// Mean distance from the ideal line over the line's time, the motors standing still between
-    /// their steps, in pulses.
+    /// Mean distance from the ideal line over the line's duration, with the motors standing still
+    /// between their steps, pulses.
     pub mean_distance: f64,
 }
 
 impl LineFigures {
-    /// Figures of the line from 0 to (x, y) pulses.
+    /// Computes the figures of the line from 0 to (x, y) pulses.
     ///
     /// # Errors
     /// [`PlaneError`]; |x| + |y| is at most 2^28.
@@ -47,7 +47,7 @@ impl LineFigures {
         Ok(Self { has_two_rates, ..Self::measured(&target, feeds, line) })
     }
 
-    /// Figures of any events that make the line from 0 to (x, y) pulses.
+    /// Computes the figures of any events that make the line from 0 to (x, y) pulses.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -114,7 +114,7 @@ mod tests {
         // distances |F| / sqrt(5).
         let line = figures(PlaneMethod::PointByPoint, 2, 1);
         assert_eq!((line.feeds, line.events, line.motor_steps, line.busiest_motor_steps), (3, 3, 6, 3));
-        // B goes forwards, backwards, forwards.
+        // B runs forwards, backwards, forwards.
         assert_eq!(line.reversals, 2);
         assert!((line.largest_distance - 1.0 / 5f64.sqrt()).abs() < 1e-12);
         assert!((line.mean_distance - 2.0 / 3.0 / 5f64.sqrt()).abs() < 1e-12);
@@ -159,8 +159,8 @@ mod tests {
             for line in [point, minimum, dual] {
                 prop_assert!(line.mean_distance <= line.largest_distance);
             }
-            // The motors' pulses are the same number under all methods: none of them is
-            // faster than another.
+            // The number of motor pulses is the same under all methods: none of them is faster than
+            // another.
             let most = (longer + shorter) as u64;
             prop_assert_eq!([point, minimum, dual].map(|line| line.busiest_motor_steps), [most; 3]);
         }

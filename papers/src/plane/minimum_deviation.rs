@@ -2,29 +2,29 @@
 
 use super::target::{PlaneError, Pulse, Target};
 
-/// A line by pulses along its longer axis or diagonally.
+/// A line made of pulses along its longer axis or diagonally.
 ///
 /// Eight octants: with a the longer of |X| and |Y| and b the shorter, F = 2b - a at first.
 ///
 /// - F >= 0: a diagonal pulse, F rises by 2 (b - a);
 /// - F < 0: a pulse along the longer axis, F rises by 2b.
 ///
-/// The rule is Bresenham's but for its ties: where the line passes the middle between two points,
-/// Wu 2024 (eq. 3) stays on the longer axis and this one goes diagonally. The points of one line
-/// are those of the other's walked backwards.
+/// The rule is Bresenham's except for ties: where the line passes midway between two points, Wu
+/// 2024 (eq. 3) stays on the longer axis and this rule goes diagonally. The points of one are the
+/// points of the other walked backwards.
 #[derive(Clone, Copy, Debug)]
 pub struct MinimumDeviation {
     target: Target,
     /// F.
     deviation: i32,
-    /// Pulses still to come.
+    /// Number of remaining pulses.
     left: u32,
     longer: u32,
     shorter: u32,
 }
 
 impl MinimumDeviation {
-    /// The line from 0 to (x, y) pulses, either way.
+    /// Creates the line from 0 to (x, y) pulses, in either direction.
     ///
     /// # Errors
     /// [`PlaneError::NoLength`], [`PlaneError::TooLong`].
@@ -42,7 +42,7 @@ impl Iterator for MinimumDeviation {
     #[inline]
     fn next(&mut self) -> Option<Pulse> {
         self.left = self.left.checked_sub(1)?;
-        // Both are at most 2^28, and F at most that before twice b is added.
+        // Both are at most 2^28, and so is F before twice b is added.
         let (longer, shorter) = (self.longer as i32, self.shorter as i32);
         if self.deviation >= 0 {
             self.deviation += 2 * (shorter - longer);

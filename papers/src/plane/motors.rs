@@ -1,4 +1,4 @@
-//! Steps of a plane's motors for a pulse.
+//! Motor steps in the plane for a pulse.
 
 use super::target::Pulse;
 use ferrostep_planner::Kinematics;
@@ -10,11 +10,11 @@ const SECOND: u8 = 2;
 /// A step of one or both motors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct MotorPulse {
-    /// The motors that step.
+    /// Mask of the motors that step.
     pub axes: u8,
-    /// Motors of these that run backwards.
+    /// Mask of those of them that run backwards.
     pub backwards: u8,
-    /// True if the pulse is two of these steps: along a diagonal, a CoreXY machine moves by
+    /// True if the pulse consists of two such steps: along a diagonal, a CoreXY machine moves by
     /// one motor alone.
     pub twice: bool,
 }
@@ -38,7 +38,7 @@ impl MotorPulse {
     }
 }
 
-/// Steps of the motors for each kind of pulse on a line; their signs never change.
+/// Motor steps for each kind of pulse on a line; their signs never change.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FeedSteps {
     along_x: MotorPulse,
@@ -50,7 +50,7 @@ impl FeedSteps {
     /// No steps at all.
     pub const NONE: Self = Self { along_x: MotorPulse::NONE, along_y: MotorPulse::NONE, diagonally: MotorPulse::NONE };
 
-    /// Steps of a line in this direction; only the signs count, 0 as 1.
+    /// Creates the steps of a line in this direction; only the signs count, 0 as positive.
     pub fn new(kinematics: Kinematics, x: i64, y: i64) -> Self {
         let [x_sign, y_sign] = [x, y].map(|pulses| if pulses < 0 { -1i8 } else { 1 });
         let both = |first: i8, second: i8| {
@@ -91,12 +91,12 @@ impl FeedSteps {
 pub(crate) struct CoreXyTarget {
     /// Pulses along X and Y.
     pub pulses: [i64; 2],
-    /// Half a diagonal pulse more if A + B is odd: a step of the motor that has more of them.
+    /// Half a diagonal pulse more if A + B is odd: a step of the motor that has more steps.
     pub rest: Option<MotorPulse>,
 }
 
 impl CoreXyTarget {
-    /// The pulses for this many motor steps.
+    /// Converts these numbers of motor steps to pulses.
     pub fn new(first: i64, second: i64) -> Self {
         let (mut a, mut b) = (first, second);
         let mut rest = None;
@@ -129,7 +129,7 @@ mod tests {
                 let [rest_a, rest_b] = target.rest.map_or([0; 2], MotorPulse::signed).map(i64::from);
                 assert_eq!([x + y + rest_a, x - y + rest_b], [a, b]);
                 assert_eq!(target.rest.is_some(), (a + b) & 1 == 1);
-                // No motor continues beyond its end.
+                // No motor overshoots its end.
                 assert!((x + y).abs() <= a.abs() && (x - y).abs() <= b.abs());
                 assert_eq!(x.abs() + y.abs() + i64::from(target.rest.is_some()), a.abs().max(b.abs()));
             }

@@ -2,30 +2,30 @@
 
 use super::target::{PlaneError, Pulse, Target};
 
-/// A line by pulses along X or along Y.
+/// A line made of pulses along X or along Y.
 ///
-/// The paper's four beats a pulse: judge the deviation F, feed, compute it anew, test for the end.
-/// With (x, y) the pulses made and (X, Y) those of the whole line, both without their signs, F = X
-/// y - Y x: above zero the point is on Y's side of the line.
+/// The paper has four phases for each pulse: judge the deviation F, feed, recompute F, test for the
+/// end. With (x, y) the pulses made and (X, Y) those of the whole line, all unsigned, F = X y - Y
+/// x: above zero the point is on Y's side of the line.
 ///
 /// - F >= 0: a pulse along X, F falls by Y;
 /// - F < 0: a pulse along Y, F rises by X.
 ///
 /// F stays between -Y and X - 1, so the point is less than a pulse from the line. The end test
 /// counts pulses: after X + Y of them F is a multiple of X + Y, and in that range only 0 is, which
-/// is the target. Only where X = 0 the paper's rule goes wrong: F = 0 asks for a pulse along X at
-/// first, and F + X never rises again. F starts at -1 there.
+/// is the target. The paper's rule fails only if X = 0: F = 0 asks for a pulse along X at first,
+/// and F + X never rises again. F starts at -1 in that case.
 #[derive(Clone, Copy, Debug)]
 pub struct PointByPoint {
     target: Target,
     /// F.
     deviation: i32,
-    /// Pulses still to come.
+    /// Number of remaining pulses.
     left: u32,
 }
 
 impl PointByPoint {
-    /// The line from 0 to (x, y) pulses, either way.
+    /// Creates the line from 0 to (x, y) pulses, in either direction.
     ///
     /// # Errors
     /// [`PlaneError::NoLength`], [`PlaneError::TooLong`].
@@ -42,7 +42,7 @@ impl Iterator for PointByPoint {
     #[inline]
     fn next(&mut self) -> Option<Pulse> {
         self.left = self.left.checked_sub(1)?;
-        // Both are at most 2^28, and F between them.
+        // Both are at most 2^28, and F is between them.
         let [x, y] = self.target.magnitudes.map(|pulses| pulses as i32);
         if self.deviation >= 0 {
             self.deviation -= y;

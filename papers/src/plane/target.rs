@@ -1,15 +1,15 @@
-//! Pulses, and where a line of them leads.
+//! Pulses, and the target of a line of pulses.
 
 use ferrostep_planner::bresenham::MAX_STEPS;
 
-/// Reason why there is no such line.
+/// Reason for which there is no such line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlaneError {
     /// The line ends where it starts.
     NoLength,
     /// An axis has more than 2^28 pulses.
     TooLong,
-    /// A pulse period is not above zero, not a number, or too long for 32 bits of nanoseconds.
+    /// A pulse period is zero or negative, not a number, or too long for 32 bits of nanoseconds.
     NoPeriod,
     /// The longest pulse period is shorter than the shortest.
     PeriodsReversed,
@@ -29,12 +29,12 @@ pub struct Pulse {
 pub(super) struct Target {
     /// Pulses, at most [`MAX_STEPS`] each, not both 0.
     pub magnitudes: [u32; 2],
-    /// -1 or 1, 1 for none.
+    /// Signs of the pulses, -1 or 1; 1 for no pulses.
     pub signs: [i8; 2],
 }
 
 impl Target {
-    /// Target for a line from 0 to here.
+    /// Creates the target of a line from 0 to (x, y).
     pub fn new(x: i64, y: i64) -> Result<Self, PlaneError> {
         if x == 0 && y == 0 {
             return Err(PlaneError::NoLength);

@@ -2,12 +2,12 @@
 
 use serde::{Serialize, Serializer};
 
-/// A paper's tables and figures, made anew.
+/// Reproduced tables and figures of a paper.
 #[derive(Clone, Debug, Serialize)]
 pub struct Chapter {
     /// Short name: `wu` ...
     pub name: &'static str,
-    /// The paper's title and place.
+    /// Title and publication of the paper.
     pub source: &'static str,
     /// Tables of the chapter.
     pub tables: Vec<Table>,
@@ -20,32 +20,32 @@ pub struct Chapter {
 pub struct Table {
     /// Key in JSON, `lower_case`.
     pub key: &'static str,
-    /// Content, and the paper's table that it belongs to.
+    /// Content, and the corresponding table of the paper.
     pub title: String,
-    /// Heads of its columns, units included.
+    /// Column headings, including units.
     pub columns: Vec<&'static str>,
-    /// Rows, each as long as the head.
+    /// Rows, each as long as the heading.
     pub rows: Vec<Vec<Cell>>,
     /// Note for the reader; may be empty.
     pub note: String,
 }
 
-/// A place in a table.
+/// A cell of a table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Cell {
-    /// Words.
+    /// A text.
     Text(String),
     /// A whole number.
     Count(i64),
-    /// A number, and how many of its decimals are shown.
+    /// A number, and the number of decimals shown.
     #[serde(serialize_with = "bare_number")]
     Number(f64, usize),
     /// An empty cell.
     Empty,
 }
 
-/// A number without its decimals: readers of JSON round for themselves.
+/// Serialises a number unrounded: readers of JSON round for themselves.
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "as the caller has it")]
 fn bare_number<S: Serializer>(number: &f64, _decimals: &usize, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_f64(*number)
@@ -66,21 +66,21 @@ impl From<String> for Cell {
 /// A figure.
 #[derive(Clone, Debug, Serialize)]
 pub struct Figure {
-    /// Name of its file, without the ending.
+    /// File name without the extension.
     pub name: &'static str,
-    /// Content, and the paper's figure that it belongs to.
+    /// Content, and the corresponding figure of the paper.
     pub title: String,
     /// Quantity of the horizontal axis, with its unit.
     pub x_label: &'static str,
     /// Quantity of the vertical axis, with its unit.
     pub y_label: &'static str,
-    /// True if a unit is equally long in both directions.
+    /// True if a unit has the same length in both directions.
     pub equal_scales: bool,
     /// Curves to draw.
     pub curves: Vec<Curve>,
 }
 
-/// Points that belong together.
+/// A series of points.
 #[derive(Clone, Debug, Serialize)]
 pub struct Curve {
     /// Name in the legend.
@@ -91,16 +91,16 @@ pub struct Curve {
     pub points: Vec<(f64, f64)>,
 }
 
-/// Style in which points are drawn.
+/// Drawing style of points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Style {
-    /// Joined.
+    /// Points joined by lines.
     Line,
-    /// Joined by dashes.
+    /// Points joined by dashes.
     Dashed,
-    /// Each alone.
+    /// Separate points.
     Points,
-    /// Each, and joined.
+    /// Marked points joined by lines.
     LineAndPoints,
 }

@@ -7,19 +7,20 @@ use plotters::prelude::*;
 
 use super::chapter::{Curve, Figure, Style};
 
-/// Width of a picture, pixels. The library draws at whole pixels: fewer would show.
+/// Width of a picture, pixels. The library draws at whole pixels, which would show at a smaller
+/// size.
 const WIDTH: u32 = 1920;
 
-/// Height of a picture whose scales are its own, pixels.
+/// Height of a picture with independent scales, pixels.
 const HEIGHT: u32 = 1120;
 
-/// Room for labels beside and below the axes, pixels.
+/// Space for labels beside and below the axes, pixels.
 const MARGINS: [u32; 2] = [168, 220];
 
 /// Height of a line of the legend, pixels.
 const LEGEND_LINE: u32 = 44;
 
-/// Colours that those who see few colours can tell apart (Okabe and Ito).
+/// Colours that people with colour vision deficiency can tell apart (Okabe and Ito).
 const COLOURS: [RGBColor; 6] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -29,7 +30,7 @@ const COLOURS: [RGBColor; 6] = [
     RGBColor(230, 159, 0),
 ];
 
-/// A picture could not be written.
+/// Error for a picture that could not be written.
 #[derive(Debug)]
 pub struct DrawError {
     path: PathBuf,
@@ -50,14 +51,14 @@ impl fmt::Display for DrawError {
 
 impl std::error::Error for DrawError {}
 
-/// The least and the greatest of some numbers, with a little room around them.
+/// Minimum and maximum of some numbers, with a small margin.
 fn range(numbers: impl Iterator<Item = f64>) -> (f64, f64) {
     let (low, high) = numbers.fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(x), high.max(x)));
     let room = if high > low { 0.04 * (high - low) } else { 1.0 };
     (low - room, high + room)
 }
 
-/// Height at which a unit is as long in both directions.
+/// Height at which a unit has the same length in both directions.
 fn equal_height(x: (f64, f64), y: (f64, f64)) -> u32 {
     let [beside, below] = MARGINS;
     let pixels_per_unit = f64::from(WIDTH - beside) / (x.1 - x.0);
@@ -65,7 +66,7 @@ fn equal_height(x: (f64, f64), y: (f64, f64)) -> u32 {
     (((y.1 - y.0) * pixels_per_unit) as u32).clamp(240, 2 * WIDTH) + below
 }
 
-/// Draws a figure into a folder; where it is.
+/// Draws a figure into a folder; returns the path.
 pub(super) fn draw(figure: &Figure, folder: &Path) -> Result<PathBuf, DrawError> {
     let path = folder.join(figure.name).with_extension("svg");
     let svg = svg(figure).map_err(|reason| DrawError::new(&path, reason))?;
@@ -73,12 +74,12 @@ pub(super) fn draw(figure: &Figure, folder: &Path) -> Result<PathBuf, DrawError>
     Ok(path)
 }
 
-/// The picture's text.
+/// SVG text of the picture.
 fn svg(figure: &Figure) -> Result<String, String> {
     let points = || figure.curves.iter().flat_map(|curve| curve.points.iter());
     let (x, y) = (range(points().map(|point| point.0)), range(points().map(|point| point.1)));
     let height = if figure.equal_scales { equal_height(x, y) } else { HEIGHT };
-    // The legend is above everything that is drawn.
+    // The legend is above the plot.
     let legend = LEGEND_LINE * figure.curves.len() as u32 + LEGEND_LINE;
     let [_, below] = MARGINS;
     let y = (y.0, y.1 + (y.1 - y.0) * f64::from(legend) / f64::from(height - below));

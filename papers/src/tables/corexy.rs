@@ -10,7 +10,7 @@ use evenly::Distance;
 
 use super::chapter::{Cell, Chapter, Curve, Figure, Style, Table};
 
-/// The paper's methods and what they are called here.
+/// The paper's methods, with their names in the output.
 const METHODS: [(PlaneMethod, &str); 3] = [
     (PlaneMethod::PointByPoint, "point-by-point"),
     (PlaneMethod::MinimumDeviation, "minimum-deviation"),
@@ -20,16 +20,16 @@ const METHODS: [(PlaneMethod, &str); 3] = [
 /// Periods of the worked example: 0.5 and 2.5 ms.
 const EXAMPLE: DualRatePeriods = DualRatePeriods { shortest_ns: 500_000, longest_ns: 2_500_000 };
 
-/// Periods that drivers can do, by the paper: 10 us to 3 ms.
+/// Periods that drivers can handle according to the paper: 10 us to 3 ms.
 const DRIVERS: DualRatePeriods = DualRatePeriods { shortest_ns: 10_000, longest_ns: 3_000_000 };
 
-/// Pulses of the fan's lines: 10 mm of 0.01 mm.
+/// Length of the fan's lines, pulses: 10 mm in pulses of 0.01 mm.
 const FAN_PULSES: f64 = 1000.0;
 
-/// Directions of the fan, a degree apart.
+/// Number of directions in the fan, one degree apart.
 const FAN_DIRECTIONS: u16 = 360;
 
-/// Pulse of figures 3 and 5, mm.
+/// Pulse length in figures 3 and 5, mm.
 const FIGURE_PULSE_MM: f64 = 0.1;
 
 /// Chapter of the CoreXY paper, with tables and figures.
@@ -48,7 +48,7 @@ pub fn chapter() -> Chapter {
     }
 }
 
-/// The paper's line from C(11.3, -8.4) to D(12.5, -8.7).
+/// Worked example: the paper's line from C(11.3, -8.4) to D(12.5, -8.7).
 fn worked_example() -> Table {
     const PULSE_MM: f64 = 0.01;
     let pulses = |from_mm: f64, to_mm: f64| ((to_mm - from_mm) / PULSE_MM).round() as i64;
@@ -128,7 +128,7 @@ struct Fan {
     reversals: u64,
     largest_distance: f64,
     mean_distance_sum: f64,
-    /// Largest distance with motors that turn evenly between their steps.
+    /// Largest distance if the motors turn evenly between their steps.
     largest_evenly: f64,
     mean_evenly_sum: f64,
 }
@@ -147,7 +147,7 @@ impl Fan {
         self.mean_evenly_sum += evenly.mean;
     }
 
-    /// A mean over the lines, each counting as much.
+    /// Mean over the lines, all weighted equally.
     fn mean(&self, sum: f64) -> f64 {
         sum / self.lines as f64
     }
@@ -171,7 +171,7 @@ impl Fan {
     }
 }
 
-/// The end of the fan's line in a direction, pulses.
+/// End of the fan's line in a direction, pulses.
 fn fan_target(degrees: u16) -> (i64, i64) {
     let (sine, cosine) = f64::from(degrees).to_radians().sin_cos();
     ((FAN_PULSES * cosine).round() as i64, (FAN_PULSES * sine).round() as i64)
@@ -192,7 +192,7 @@ fn fan_of(line: impl Fn(i64, i64) -> Option<Line>) -> Fan {
     fan
 }
 
-/// A line by one of the paper's methods.
+/// Line generator for one of the paper's methods.
 fn by_method(method: PlaneMethod, periods: DualRatePeriods) -> impl Fn(i64, i64) -> Option<Line> {
     move |x, y| {
         let figures = LineFigures::new(method, x, y, &periods).ok()?;
@@ -200,7 +200,7 @@ fn by_method(method: PlaneMethod, periods: DualRatePeriods) -> impl Fn(i64, i64)
     }
 }
 
-/// The machine's own way: Bresenham on the motors' steps.
+/// A line by the machine's own method: Bresenham on the motors' steps.
 fn bresenham(x: i64, y: i64) -> Option<Line> {
     let motors = [x + y, x - y];
     let [first, second] = motors.map(|steps| u32::try_from(steps.unsigned_abs()).unwrap_or(u32::MAX));
@@ -335,26 +335,26 @@ mod tests {
             let [point, minimum, dual] = METHODS.map(|(method, _)| fan_of(by_method(method, periods)));
             assert_eq!([point.lines, minimum.lines, dual.lines, ours.lines], [360; 4]);
             let mean = |fan: &Fan| fan.mean(fan.mean_distance_sum);
-            // More exact than point-by-point, by half.
+            // More accurate than point-by-point, by half.
             assert!(point.largest_distance > 0.99 && point.largest_distance < 1.0);
             for better in [minimum, dual, ours] {
                 assert!(better.largest_distance <= 0.5 + 1e-9, "{better:?}");
                 assert!(mean(&better) < 0.52 * mean(&point), "{better:?} {point:?}");
             }
-            // Dual-rate is as far off at the worst and nearer in the mean.
+            // Dual-rate has the same worst case and a smaller mean.
             assert!(dual.largest_distance > 0.95 * minimum.largest_distance, "{dual:?} {minimum:?}");
             let share = mean(&dual) / mean(&minimum);
             assert!((0.8..0.9).contains(&share), "{share}");
-            // The line is straight with motors that turn evenly.
+            // The line is straight if the motors turn evenly.
             assert!(minimum.largest_evenly > 0.4 && ours.largest_evenly > 0.2, "{minimum:?} {ours:?}");
             assert!(dual.largest_evenly < if periods == DRIVERS { 1e-9 } else { 0.2 }, "{dual:?}");
             assert!(dual.mean_evenly_sum < 0.1 * minimum.mean_evenly_sum, "{dual:?} {minimum:?}");
-            // The machine's own way.
+            // The machine's own method.
             assert!(ours.largest_distance < 0.36 && mean(&ours) < mean(&dual), "{ours:?} {dual:?}");
             // No motor pulse is saved, so no time is.
             assert_eq!(point.busiest_motor_steps, minimum.busiest_motor_steps);
             assert_eq!(point.busiest_motor_steps, dual.busiest_motor_steps);
-            // Counted as one, diagonals make minimum deviation the fastest.
+            // Minimum deviation is the fastest only if a diagonal counts as one pulse.
             assert!(minimum.feeds < dual.feeds && dual.feeds <= point.feeds);
             assert_eq!((minimum.reversals, dual.reversals), (0, 0));
             assert!(point.reversals > 0 && minimum.motor_steps < point.motor_steps);

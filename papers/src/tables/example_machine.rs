@@ -1,12 +1,12 @@
-//! The machine on which the papers' examples are planned.
+//! The machine used to plan the papers' examples.
 
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{Geometry, Kinematics, Limits, Planner, StepsPerMm};
 
 use crate::Papers;
 
-/// A planner that sees `blocks` ahead, of a machine that only its acceleration, mm/s^2, and Yu's
-/// delta, mm, limit.
+/// Creates a planner that sees `blocks` ahead, for a machine limited only by its acceleration,
+/// mm/s^2, and Yu's delta, mm.
 pub fn example_planner(
     acceleration_mm_per_s2: f64,
     deviation_mm: f64,

@@ -1,4 +1,4 @@
-//! Li 2017: the S-curve, its table, its cases, and what a law for several moves gains.
+//! Li 2017: the S-curve, its table, its cases, and the gain from a law that spans several moves.
 
 use std::f64::consts::TAU;
 
@@ -20,7 +20,7 @@ const START_HZ: f64 = 1_000.0;
 const TOP_HZ: f64 = 10_000.0;
 const JERK_HZ_PER_S2: f64 = 100_000.0;
 
-/// Points of a curve.
+/// Number of points in a curve.
 const POINTS: u32 = 240;
 
 /// Chapter of Li's paper, with tables and figures.
@@ -47,7 +47,7 @@ fn number(number: f64) -> Cell {
     Cell::Number(number, 1)
 }
 
-/// The paper's figures for its ramp beside the computed ones.
+/// The paper's figures for its ramp next to the computed ones.
 fn experiment(ramp: &Ramp, table: &FrequencyTable) -> Table {
     let at_starts: f64 = table.iter().map(|slice| table.frequency_at(slice.start_s) * slice.duration_s).sum();
     let row = |what: &str, unit: &str, value: Cell| vec![what.into(), value, unit.into()];
@@ -119,7 +119,7 @@ fn cases(table: &FrequencyTable) -> Table {
     }
 }
 
-/// Four lines read ahead.
+/// Look-ahead over four lines.
 fn queue(table: &FrequencyTable) -> Table {
     let lines = [(4_000.0, 8_000.0), (600.0, 10_000.0), (300.0, 3_000.0), (5_000.0, 10_000.0), (900.0, 6_000.0)];
     let mut segments = Segments::new(table);
@@ -153,11 +153,11 @@ fn queue(table: &FrequencyTable) -> Table {
 /// A planned path.
 struct Planned {
     duration_s: f64,
-    /// Path, mm, and speed, mm/s, at the ends of blocks.
+    /// Path, mm, and speed, mm/s, at block ends.
     speeds: Vec<(f64, f64)>,
 }
 
-/// Plans a way; `None` where the machine cannot go it.
+/// Plans a path; `None` if the machine cannot travel it.
 fn plan(places_mm: &[(f64, f64)], law: AccelerationProfile, block_by_block: bool) -> Option<Planned> {
     let mut planner = example_planner(1_000.0, 0.1, 128)?;
     let choice = MotionChoice { acceleration: law, ..MotionChoice::DEFAULT };
@@ -192,7 +192,7 @@ fn circle() -> Vec<(f64, f64)> {
     angles.map(|angle| (20.0 * angle.cos() - 20.0, 20.0 * angle.sin())).collect()
 }
 
-/// Whole ways under each law.
+/// Comparison of whole paths under each law.
 fn gains() -> Table {
     let square = vec![(20.0, 0.0), (20.0, 20.0), (0.0, 20.0), (0.0, 0.0)];
     let wave = (1..=300).map(|index| 0.4 * f64::from(index));
@@ -267,7 +267,7 @@ fn speed(ramp: &Ramp, table: &FrequencyTable) -> Figure {
     }
 }
 
-/// Acceleration of the ramp.
+/// Acceleration over the ramp.
 fn acceleration(ramp: &Ramp) -> Figure {
     let whole = 2.0 * ramp.half_time_s();
     let peak = ramp.peak_acceleration();
@@ -313,7 +313,7 @@ fn short_segment(table: &FrequencyTable) -> Result<Figure, CurveError> {
     })
 }
 
-/// Gain of a law for several moves at the start of a circle.
+/// Gain of a law that spans several moves, at the start of a circle.
 fn runs() -> Figure {
     let way = circle();
     let speeds = |law, alone| {
@@ -353,7 +353,7 @@ mod tests {
         assert!((of("experiment", 0, 1) - 0.3).abs() < 1e-9 && (of("experiment", 1, 1) - 30_000.0).abs() < 1e-6);
         assert!((of("experiment", 2, 1) - 3_300.0).abs() < 1e-6 && (of("experiment", 4, 1) - 3_300.0).abs() < 1.0);
         assert!((of("experiment", 5, 1) - 3_291.0).abs() < 0.5);
-        // A law for several moves is much faster on a circle and on a wave, and never faster
+        // A law that spans several moves is much faster on a circle and on a wave, and never faster
         // than a trapezoid.
         for row in [1, 2] {
             assert!(of("gains", row, 6) > 10.0 && of("gains", row, 5) > of("gains", row, 1), "{row}");

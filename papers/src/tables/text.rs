@@ -1,4 +1,4 @@
-//! Tables for a terminal.
+//! Plain-text tables for a terminal.
 
 use comfy_table::presets::ASCII_MARKDOWN;
 use comfy_table::{CellAlignment, ContentArrangement};
@@ -15,7 +15,7 @@ pub(super) fn of(chapter: &Chapter) -> String {
     text
 }
 
-/// A table, its title above and its note below.
+/// A table with its title above and its note below.
 pub(super) fn of_table(table: &Table) -> String {
     let text = format!("{}\n\n{}\n", table.title, lines(table));
     if table.note.is_empty() { text } else { format!("{text}\n{}\n", table.note) }

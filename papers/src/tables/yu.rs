@@ -1,4 +1,4 @@
-//! Yu 2019: how fast a corner may be taken, and what look-ahead makes of a chain of moves.
+//! Yu 2019: the permissible corner speed, and the effect of look-ahead on a chain of moves.
 
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_planner::{Move, PlannedBlock};
@@ -12,7 +12,7 @@ const DEVIATION_MM: f64 = 0.1;
 /// Acceleration of the examples, mm/s^2.
 const ACCELERATION_MM_PER_S2: f64 = 1000.0;
 
-/// Feed of the examples, mm/s.
+/// Feedrate of the examples, mm/s.
 const FEED_MM_PER_S: f32 = 100.0;
 
 /// Chapter of Yu's paper, with tables and figures.
@@ -25,7 +25,7 @@ pub fn chapter() -> Chapter {
     }
 }
 
-/// Look-ahead's plan of moves to these places, mm, each with some filament, mm.
+/// Look-ahead's plan of moves to these points, mm, with an equal amount of filament each, mm.
 fn planned(places_mm: &[(f64, f64)], filament_mm: f64) -> Vec<PlannedBlock> {
     let Some(mut planner) = example_planner(ACCELERATION_MM_PER_S2, DEVIATION_MM, 64) else { return vec![] };
     let units = |mm: f64| (mm * UNITS_PER_MM as f64).round() as i64;
@@ -45,12 +45,11 @@ fn planned(places_mm: &[(f64, f64)], filament_mm: f64) -> Vec<PlannedBlock> {
     std::iter::from_fn(|| planner.next_planned()).collect()
 }
 
-/// Speed in the corner between two moves of a length, the second turned by an angle, mm/s.
+/// Speed in the corner between two moves of this length, the second turned by an angle, mm/s.
 fn corner_speed_mm_per_s(angle: f64, length_mm: f64) -> f64 {
     let corner = (length_mm, 0.0);
     let end = (length_mm * (1.0 + angle.cos()), length_mm * angle.sin());
-    // A long way before and after, in line with the moves, so that nothing but the
-    // corner limits it.
+    // Long moves before and after, in line with the two, so that only the corner limits the speed.
     let turned = (end.0 + 100.0 * angle.cos(), end.1 + 100.0 * angle.sin());
     let blocks = planned(&[(-100.0, 0.0), (0.0, 0.0), corner, end, turned], 0.0);
     // Moves in line become one block: the corner is the change of direction.
@@ -64,7 +63,7 @@ fn radius_mm(angle: f64) -> f64 {
     DEVIATION_MM * half / (1.0 - half)
 }
 
-/// The radius of the arc that touches two moves of a length at their middles, mm.
+/// Radius of the arc that touches two moves of this length at their midpoints, mm.
 fn fitting_radius_mm(angle: f64, length_mm: f64) -> f64 {
     0.5 * length_mm / (angle / 2.0).tan()
 }
@@ -120,8 +119,8 @@ fn zigzag() -> Vec<(f64, f64)> {
 
 fn chain() -> Table {
     let blocks = planned(&zigzag(), 0.0);
-    // Row of each block, read backwards from the last: v_s^2 = v_e^2 + 2 a s, with
-    // look-ahead's v_e.
+    // Row of each block, computed backwards from the last: v_s^2 = v_e^2 + 2 a s, with look-ahead's
+    // v_e.
     let rows = blocks
         .iter()
         .map(|planned| {
@@ -162,7 +161,7 @@ fn arc() -> Figure {
     let radius = radius_mm(angle);
     let touch = radius * half.tan();
     let (sine, cosine) = angle.sin_cos();
-    // The corner is the origin; the first move comes along x.
+    // The corner is the origin; the first move arrives along x.
     let centre = (-touch, radius);
     let rounded = (0..=60)
         .map(|index| {

@@ -6,27 +6,27 @@ use ferrostep_planner::{Block, MotionMethods, MoveError, Moved, Planner, Request
 
 use super::step_limits::{StepLimits, StepSizes, part};
 
-/// A trajectory as a block, and what its check needs.
+/// A trajectory as a block, with the data needed to check it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PreparedBlock {
     /// The block.
     pub block: Block,
-    /// Planned speed at its start.
+    /// Planned speed at the start of the block.
     pub entry: Speed,
-    /// The most that the corner before it allows.
+    /// Maximum speed that the corner before the block allows.
     pub max_entry: Speed,
-    /// The last stretch of the block before, for the corner between them; `None` at
-    /// the start of a job.
+    /// Last stretch of the previous block, for the corner between them; `None` at the start of a
+    /// job.
     pub before: Option<Block>,
 }
 
 impl PreparedBlock {
-    /// The last stretch of this block, as the next one's `before`.
+    /// Last stretch of this block, for the `before` of the next one.
     pub(super) fn last_stretch(&self) -> Option<Block> {
         Stretches::of(&self.block).last().map(|stretch| part(&self.block, &stretch))
     }
 
-    /// The largest speed that the corner before the block allows.
+    /// Returns the largest speed that the corner before the block allows.
     fn check(&self, limits: &StepLimits<'_>) -> Result<Speed, PlanFault> {
         let (mut first, mut inner) = (Speed(u32::MAX), Speed(u32::MAX));
         let mut before = self.before;
@@ -51,7 +51,7 @@ impl PreparedBlock {
     }
 }
 
-/// The request for a block.
+/// Request for a block.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BlockRequest<'a> {
     pub prepared: &'a PreparedBlock,
@@ -76,8 +76,8 @@ impl Request for BlockRequest<'_> {
     }
 }
 
-/// Request to make a position exact, units of 10 nm, since blocks give it to a motor step only. The
-/// planner's position is unchanged if the motors are elsewhere.
+/// Request to set the exact position, units of 10 nm, since blocks give it only to a motor step.
+/// The planner's position is unchanged if the motors are elsewhere.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ExactPosition(pub [i64; 3]);
 

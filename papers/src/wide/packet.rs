@@ -38,25 +38,25 @@
 
 use ferrostep_gpre::Fault;
 
-/// Begins a line trajectory: `GPRE`.
+/// Start code of a line trajectory: `GPRE`.
 const TRAJECTORY_START: u32 = u32::from_le_bytes(*b"GPRE");
-/// Ends it: `ERPG`.
+/// End code of a line trajectory: `ERPG`.
 const TRAJECTORY_END: u32 = u32::from_le_bytes(*b"ERPG");
-/// Begins a status command: `STAT`.
+/// Start code of a status command: `STAT`.
 const STATUS_START: u32 = u32::from_le_bytes(*b"STAT");
-/// Ends it: `TATS`.
+/// End code of a status command: `TATS`.
 const STATUS_END: u32 = u32::from_le_bytes(*b"TATS");
 
-/// Bytes of a line trajectory.
+/// Length of a line trajectory, bytes.
 pub const TRAJECTORY_BYTES: usize = 84;
 
-/// Bytes of a status command.
+/// Length of a status command, bytes.
 pub const STATUS_BYTES: usize = 12;
 
-/// Bytes of a code.
+/// Length of a code, bytes.
 const CODE_BYTES: usize = 4;
 
-/// A block as the paper has it; see the module for the units.
+/// A block as the paper has it; the module's table gives the units.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Trajectory {
     /// StepX, StepY, StepZ, StepE.
@@ -98,18 +98,17 @@ pub struct Trajectory {
 pub enum Status {
     /// The source line of the following packets.
     Line(u32),
-    /// A move, or a part of an arc, ends inside the next trajectory. Its steps and its
-    /// filament follow.
+    /// The end of a move, or of a part of an arc, inside the next trajectory. Packets with its
+    /// steps and its filament follow.
     InnerEnd {
         /// Path position from the trajectory's start, units of 10 nm.
         length_10nm: u16,
-        /// Lines from it to the trajectory's.
+        /// Number of lines by which the inner end precedes the trajectory's line.
         lines_before: u8,
     },
-    /// Signed steps of X, Y and Z (CoreXY: A, B, Z) that lead to the inner end before this, from
-    /// the one before it.
+    /// Signed steps of X, Y and Z (CoreXY: A, B, Z) from the previous inner end to this one.
     InnerSteps([i8; 3]),
-    /// Rest of an inner end: its filament, and the end of a move.
+    /// Remaining data of an inner end: its filament, and the end of a move.
     InnerExtruder {
         /// Signed travel of the extruder, 1/256 steps.
         travel_256ths: i16,
@@ -120,7 +119,7 @@ pub enum Status {
     Fan(u8),
     /// A part of a command's text.
     Text([u8; 3]),
-    /// A part of where the machine is.
+    /// A part of the machine's position.
     Place {
         /// Number of the part, 0 to 11.
         part: u8,
@@ -129,7 +128,7 @@ pub enum Status {
     },
 }
 
-/// Parts of [`Status::Place`].
+/// Number of parts in a [`Status::Place`].
 pub const PLACE_PARTS: usize = 12;
 
 /// A packet.
@@ -146,7 +145,7 @@ fn number(bytes: &[u8], index: usize) -> Option<u32> {
 }
 
 impl Packet {
-    /// Length of a packet that begins so.
+    /// Returns the length of a packet that begins with these bytes.
     ///
     /// # Errors
     /// No packet begins with these bytes.
@@ -158,10 +157,10 @@ impl Packet {
         }
     }
 
-    /// Reads a packet of [`Self::length`].
+    /// Reads a packet of length [`Self::length`].
     ///
     /// # Errors
-    /// Too few bytes, another end code, values that cannot be.
+    /// Too few bytes, a wrong end code, or impossible values.
     pub fn read(bytes: &[u8]) -> Result<Self, Fault> {
         let start = *bytes.first_chunk::<CODE_BYTES>().ok_or(Fault::Truncated)?;
         let bytes = bytes.get(..Self::length(start)?).ok_or(Fault::Truncated)?;
@@ -284,7 +283,7 @@ impl Trajectory {
         ]
     }
 
-    /// The steps with their signs; the check of [`Packet::read`] keeps them in range.
+    /// Signed steps; the check of [`Packet::read`] keeps them in range.
     pub fn signed_steps(&self) -> [i32; 4] {
         let mut signed = self.steps.map(|steps| steps as i32);
         for (axis, steps) in signed.iter_mut().enumerate() {

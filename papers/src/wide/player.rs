@@ -7,12 +7,12 @@ use ferrostep_printer::{CommandError, OtherMotion, Ports, PreparedPlace, Printer
 use super::block::{BlockRequest, ExactPosition, PreparedBlock};
 use super::step_limits::StepSizes;
 
-/// E of the G-code as the blocks push it. The packets say it as well, from time to time; if the job
+/// E of the G-code as pushed by the blocks. The packets also state it from time to time; if the job
 /// is refused, the motors count.
 #[derive(Clone, Copy, Debug)]
 struct PushedExtruder {
     extruder_10nm: i64,
-    /// Filament not yet in it, units of 0.1 nm times percent.
+    /// Filament not yet counted in E, units of 0.1 nm times percent.
     rest_100pm: i64,
 }
 
@@ -30,14 +30,14 @@ impl PushedExtruder {
 pub struct PacketPlayer {
     geometry: Geometry,
     sizes: StepSizes,
-    /// E of the G-code when the packets touched it last: another value has been set by a command.
+    /// E of the G-code when the packets last changed it: a different value was set by a command.
     printers_extruder_10nm: i64,
     pushed: PushedExtruder,
 }
 
 impl PacketPlayer {
-    /// Player for a job that begins at this E of the G-code, units of 10 nm, on a machine
-    /// of this profile.
+    /// Creates the player for a job that begins at this E of the G-code, units of 10 nm, on a
+    /// machine of this profile.
     pub fn new(profile: &Profile, extruder_10nm: i64) -> Self {
         let geometry = profile.geometry();
         Self {
@@ -51,7 +51,7 @@ impl PacketPlayer {
     /// Executes a block in which this many moves end.
     ///
     /// # Errors
-    /// As for a move of G-code.
+    /// As for a G-code move.
     pub async fn block<P: Ports>(
         &mut self,
         prepared: &PreparedBlock,
@@ -78,7 +78,7 @@ impl PacketPlayer {
         Ok(())
     }
 
-    /// Takes over where the machine is after the blocks so far.
+    /// Takes over the machine's position after the blocks so far.
     ///
     /// # Errors
     /// See [`Printer::prepared_place`].
@@ -100,7 +100,7 @@ impl PacketPlayer {
         printer.set_prepared_extruder(self.pushed.extruder_10nm);
     }
 
-    /// Lets blocks push E from the value that a command has set since (G92).
+    /// Makes blocks push E from the value that a command has set since (G92).
     fn follow_commands<P: Ports>(&mut self, printer: &Printer<'_, P>) {
         let [.., extruder_10nm] = printer.logical_10nm();
         if extruder_10nm != self.printers_extruder_10nm {

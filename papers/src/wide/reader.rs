@@ -1,4 +1,4 @@
-//! Packets, put together again.
+//! Reassembly of packets.
 
 use ferrostep_gpre::compact::MAX_TEXT_BYTES;
 use ferrostep_planner::inner_ends::{InnerEnd, InnerEnds, MAX_INNER_ENDS};
@@ -9,7 +9,7 @@ use heapless::Vec;
 use super::block::PreparedBlock;
 use super::packet::{PLACE_PARTS, Packet, Status};
 
-/// A request that packets make.
+/// A request made of one or more packets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PacketRequest<'a> {
     /// A block in which this many moves end.
@@ -28,7 +28,7 @@ pub enum PacketRequest<'a> {
         /// Text of the command.
         text: &'a [u8],
     },
-    /// The machine is here.
+    /// The machine's position.
     Place(PreparedPlace),
 }
 
@@ -37,13 +37,13 @@ pub enum PacketRequest<'a> {
 pub struct PacketReader {
     line: u32,
     next_line: Option<u32>,
-    /// Inner ends; the packet encodes their lines as distances before the block's.
+    /// Inner ends; a packet encodes their lines as distances before the block's line.
     inner: Vec<InnerEnd, MAX_INNER_ENDS>,
     text: Vec<u8, MAX_TEXT_BYTES>,
-    /// The text has been handed out and may be forgotten.
+    /// True if the text has been handed out and may be dropped.
     text_is_old: bool,
     place: Vec<u16, PLACE_PARTS>,
-    /// The last stretch of the block before.
+    /// Last stretch of the previous block.
     before: Option<Block>,
 }
 
@@ -53,10 +53,10 @@ impl PacketReader {
         self.line
     }
 
-    /// Takes a packet; returns a request when its last packet is there.
+    /// Takes a packet; returns a request once its last packet has arrived.
     ///
     /// # Errors
-    /// What was expected, if the packet has no meaning here.
+    /// The expected data, if the packet has no meaning here.
     pub fn take(&mut self, packet: &Packet) -> Result<Option<PacketRequest<'_>>, &'static str> {
         match *packet {
             Packet::Status(Status::Line(line)) => self.next_line = Some(line),
@@ -100,7 +100,7 @@ impl PacketReader {
                 if usize::from(part) != self.place.len() {
                     return Err("the parts of a place in their order");
                 }
-                // One of the numbers that have room.
+                // The number is one of those that have room.
                 let _ = self.place.push(bits);
                 if let [x0, x1, y0, y1, z0, z1, e0, e1, e2, e3, lift0, lift1] = *self.place {
                     self.place.clear();
@@ -138,23 +138,23 @@ impl PacketReader {
         Ok(None)
     }
 
-    /// The inner end read last.
+    /// Inner end read last.
     fn last_inner(&mut self) -> Result<&mut InnerEnd, &'static str> {
         self.inner.last_mut().ok_or("the end of a move inside a trajectory before its steps and filament")
     }
 
-    /// True if every request is complete: a job may end here.
+    /// Returns true if every request is complete, so that a job may end here.
     pub fn is_complete(&self) -> bool {
         self.inner.is_empty() && (self.text.is_empty() || self.text_is_old) && self.place.is_empty()
     }
 }
 
-/// The ends of moves inside a block of this line and length; `None` where they are in no order.
+/// Ends of moves inside a block of this line and length; `None` if they are out of order.
 fn inner_ends(inner: &[InnerEnd], line: u32, length_10nm: u32) -> Option<InnerEnds> {
     let mut ends = InnerEnds::NONE;
     let mut before = 0;
     for (index, read) in inner.iter().enumerate() {
-        // Each is encoded by the line of the one after it.
+        // Each end is encoded relative to the line of the one after it.
         let end = InnerEnd { line: line.checked_sub(read.line)?, ..*read };
         let next = match inner.get(index + 1) {
             Some(next) => line.checked_sub(next.line)?,

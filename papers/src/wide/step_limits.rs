@@ -1,10 +1,10 @@
-//! The limits of blocks that come without the positions they were made from, as far as their
-//! steps tell them.
+//! Limits of blocks that arrive without the positions they were made from, as far as their steps
+//! reveal them.
 //!
 //! A motor is within half a step of its exact position, so a block's travel along an axis is known
-//! to the steps of the motors that move it (half a step of each of two on CoreXY and CoreXZ, whose
-//! motors may have steps of different lengths). By that much the checks give way, and by rounding
-//! in single precision.
+//! to within the steps of the motors that move it (half a step of each of two on CoreXY and CoreXZ,
+//! whose motors may have steps of different lengths). The checks allow for that much, and for
+//! rounding in single precision.
 
 use ferrostep_planner::inner_ends::InnerEnds;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
@@ -17,7 +17,7 @@ use crate::method::Method;
 /// Factor by which rounding may exceed a limit.
 const TOLERANCE: f32 = 1.001;
 
-/// Ticks for 10 nm at 1 mm/s.
+/// Number of ticks for 10 nm at 1 mm/s.
 const TICKS_PER_10NM_AT_1_MM_PER_S: f32 = (TICKS_PER_SECOND as i64 / UNITS_PER_MM) as f32;
 
 /// Copies a stretch of a block into a separate block.
@@ -33,10 +33,10 @@ pub(super) fn part(block: &Block, stretch: &Stretch) -> Block {
     }
 }
 
-/// The lengths of a machine's steps.
+/// Step lengths of a machine.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StepSizes {
-    /// A step of each motor, mm.
+    /// Step length of each motor, mm.
     step_mm: [f32; 4],
     /// Largest difference between a block's travel along X, Y and Z and that of its steps, mm.
     slack_mm: [f32; 3],
@@ -61,7 +61,7 @@ fn slack(kinematics: Kinematics, [first, second, third]: [f32; 3]) -> [f32; 3] {
     slack
 }
 
-/// The limits of a machine, for blocks of steps.
+/// Limits of a machine for blocks of steps.
 pub(super) struct StepLimits<'a> {
     sizes: &'a StepSizes,
     kinematics: Kinematics,
@@ -69,7 +69,7 @@ pub(super) struct StepLimits<'a> {
     method: Method,
     max_feed_mm_per_s: [f32; 4],
     max_acceleration_mm_per_s2: [f32; 4],
-    /// The largest acceleration along any path.
+    /// Largest acceleration along any path, mm/s^2.
     path_acceleration_mm_per_s2: f32,
     junction_deviation_mm: f32,
 }
@@ -99,8 +99,8 @@ impl<'a> StepLimits<'a> {
         [x, y, z, filament]
     }
 
-    /// True if a block's nominal speed and acceleration keep the limits of all axes, and its
-    /// events their distance.
+    /// Returns true if a block's nominal speed and acceleration keep the limits of all axes, and
+    /// its events their minimum distance.
     pub fn are_kept(&self, block: &Block) -> bool {
         let mm = self.travels_mm(block);
         let length = block.length_10nm as f32 / UNITS_PER_MM as f32;
@@ -108,7 +108,7 @@ impl<'a> StepLimits<'a> {
         if acceleration > self.path_acceleration_mm_per_s2 * TOLERANCE {
             return false;
         }
-        // The filament has its fractions of steps.
+        // The filament has fractions of steps.
         let [x, y, z] = self.sizes.slack_mm;
         let slack_mm = [x, y, z, self.sizes.step_mm[3] / 128.0];
         for axis in 0..4 {
@@ -125,9 +125,9 @@ impl<'a> StepLimits<'a> {
         feed * shortest_ticks <= block.length_10nm as f32 * TICKS_PER_10NM_AT_1_MM_PER_S * TOLERANCE
     }
 
-    /// The most that the corner before a block allows, by its steps and those of the block before:
-    /// v^2 = a R as for any corner (Yu 2019), the turn as small as half a step at each end can make
-    /// it look. A stop next to a block of the filament alone.
+    /// Maximum speed in the corner before a block, by its steps and those of the block before: v^2
+    /// = a R as for any corner (Yu 2019), with the turn taken as small as half a step at each end
+    /// can make it look. A stop next to a block of filament alone.
     pub fn corner(&self, before: Option<&Block>, block: &Block) -> Speed {
         let Some(before) = before else { return Speed(u32::MAX) };
         let lengths = [before, block].map(|block| block.length_10nm as f32 / UNITS_PER_MM as f32);
@@ -136,7 +136,7 @@ impl<'a> StepLimits<'a> {
         let [x, y, z, _] = self.sizes.step_mm;
         for (length, stands) in lengths.into_iter().zip(stands) {
             // A path without a step is shorter than a step of each of its motors: a longer one is
-            // of the filament alone. A shorter one may be either.
+            // of filament alone. A shorter one may be either.
             if stands && length > (x + y + z) * TOLERANCE {
                 return Speed::ZERO;
             }

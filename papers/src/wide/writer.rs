@@ -8,25 +8,25 @@ use ferrostep_printer::PreparedPlace;
 
 use super::packet::{Packet, Status, Trajectory};
 
-/// Units of length in a millimetre.
+/// Length units per millimetre.
 const PER_MM: f64 = 100_000.0;
 
 /// Writes a job as packets.
 pub struct PacketWriter {
-    /// Source line of the packet before.
+    /// Source line of the previous packet.
     line: u32,
-    /// Machine's place after the moves so far, as far as the packets so far tell it.
+    /// Machine position after the moves so far, as far as the packets so far convey it.
     place: PreparedPlace,
     written: PreparedPlace,
     flow_percent: i64,
     rest_100pm: i64,
-    /// Moves of the last block that are still to come.
+    /// Number of remaining moves of the last block.
     joined: usize,
     packets: u32,
 }
 
 impl PacketWriter {
-    /// A writer of a job that begins at a machine position.
+    /// Creates the writer of a job that begins at a machine position.
     pub fn new(position_10nm: [i64; 3]) -> Self {
         let place = PreparedPlace { position_10nm, ..PreparedPlace::default() };
         Self { line: 0, place, written: place, flow_percent: 100, rest_100pm: 0, joined: 0, packets: 0 }
@@ -49,7 +49,7 @@ impl PacketWriter {
         self.line = line;
     }
 
-    /// Writes where the machine is, if that is new, and not in the middle of a block: that is
+    /// Writes the machine's position if it is new, but not in the middle of a block, which is
     /// executed as a whole.
     fn write_place(&mut self, bytes: &mut Vec<u8>) {
         if self.written == self.place || self.joined > 0 {
@@ -66,13 +66,13 @@ impl PacketWriter {
         }
     }
 
-    /// Takes a block, of which [`Self::take_item`] has taken the first move. `bound` is the most
+    /// Takes a block, whose first move [`Self::take_item`] has taken. `bound` is the maximum speed
     /// that the corner before it allows; `joined` moves of the block are still to come.
     pub fn take_block(&mut self, planned: &PlannedBlock, bound: SquaredSpeed, joined: usize, bytes: &mut Vec<u8>) {
         self.joined = joined;
         self.begin_line(planned.block.line, bytes);
         for end in planned.block.inner_ends.iter(planned.block.line) {
-            // All have these ranges.
+            // All values are within these ranges.
             let (length_10nm, lines) = (end.length_10nm as u16, (planned.block.line - end.line) as u8);
             self.status(Status::InnerEnd { length_10nm, lines_before: lines }, bytes);
             self.status(Status::InnerSteps(end.steps.map(|steps| steps as i8)), bytes);
@@ -120,8 +120,8 @@ impl PacketWriter {
         }
     }
 
-    /// Takes note of changed settings, and perhaps of a changed position. A reader's machine knows
-    /// by itself what a command has done to it.
+    /// Notes changed settings, and possibly a changed position. A reader's machine knows by itself
+    /// the effect of a command.
     pub fn set_modal(&mut self, modal: &ModalState, position_10nm: [i64; 3]) {
         self.flow_percent = i64::from(modal.flow_percent.max(1));
         let (lift_10nm, extruder_10nm) = (modal.lift_10nm, modal.extruder_10nm);
@@ -131,14 +131,14 @@ impl PacketWriter {
         }
     }
 
-    /// Ends the job; returns how many packets it has.
+    /// Ends the job; returns the number of its packets.
     pub fn end(&mut self, bytes: &mut Vec<u8>) -> u32 {
         self.write_place(bytes);
         self.packets
     }
 }
 
-/// A block in the paper's values.
+/// Encodes a block in the paper's values.
 fn trajectory(planned: &PlannedBlock, bound: SquaredSpeed) -> Trajectory {
     let PlannedBlock { block, entry, exit } = planned;
     let [x, y, z] = block.steps;
@@ -147,7 +147,7 @@ fn trajectory(planned: &PlannedBlock, bound: SquaredSpeed) -> Trajectory {
     let events = f64::from(block.master_steps());
     let length_mm = f64::from(block.length_10nm) / PER_MM;
     let (nominal, acceleration) = (block.nominal.mm_per_s(), block.acceleration.mm_per_s2());
-    // Step events in a mm.
+    // Step events per mm.
     let density = events / length_mm;
     let ramp = |speed: Speed| (block.nominal.squared() - speed.squared()) / (2.0 * acceleration) * density;
     let (mut up, mut down) = (ramp(*entry), events - ramp(*exit));

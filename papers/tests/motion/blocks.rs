@@ -1,4 +1,4 @@
-//! Blocks: their speeds, their law, their limits, and the events that they become.
+//! Blocks: their speeds, their law, their limits, and their events.
 
 use ferrostep_planner::extruder::rounded_steps;
 use ferrostep_planner::stretches::Stretches;
@@ -13,8 +13,8 @@ use crate::motion::machine::{
 use crate::motion::moves::moves;
 use crate::motion::player::Player;
 
-/// Steps of each motor in a block, both directions, that begins with the extruder here, 1/256
-/// steps: it may turn round inside.
+/// Steps of each motor in a block, in both directions; the block begins with the extruder at
+/// `filament`, 1/256 steps, and the extruder may reverse inside.
 fn issued(planned: &PlannedBlock, mut filament: i64) -> [i64; 4] {
     let mut issued = [0; 4];
     for stretch in Stretches::of(&planned.block) {
@@ -27,8 +27,8 @@ fn issued(planned: &PlannedBlock, mut filament: i64) -> [i64; 4] {
     issued
 }
 
-/// Position of each motor by the law after a share of a block, and the number of steps it would
-/// have in all of the block's length at the highest density.
+/// Position of each motor according to the law after a share of a block, and the number of steps
+/// that it would have in the whole block at the highest density.
 fn ideals(planned: &PlannedBlock, from: [f64; 4], share: f64) -> [(f64, f64); 4] {
     let whole = f64::from(planned.block.length_10nm);
     let mut ideals = from.map(|from| (from, 0.0f64));
@@ -74,8 +74,7 @@ proptest! {
             let filament_end = filament + i64::from(planned.block.extruder_256ths);
             let mut left = issued(&planned, filament);
             let fastest = planned.block.nominal.mm_per_s() / law.length;
-            // The last events of a block may be late by the minimum interval, where
-            // the next begins.
+            // The last events of a block may be late by the minimum interval where the next begins.
             let latest = end_tick + 2 * u64::from(MINIMUM_INTERVAL);
             while let Some(event) = events.next_if(|event| left != [0; 4] && event.tick <= latest) {
                 let check = |motors: &[i64; 4], tick: u64| -> Result<(), TestCaseError> {
@@ -85,8 +84,8 @@ proptest! {
                     let ideals = ideals(&planned, from, share);
                     for motor in 0..4 {
                         let (ideal, densest) = ideals[motor];
-                        // An event that joins another, or keeps its distance from one, is up to
-                        // two intervals off.
+                        // An event that joins another, or keeps its distance from one, is off by up
+                        // to two intervals.
                         let joined = densest * fastest * 2.0 * f64::from(MINIMUM_INTERVAL) / f64::from(TICKS_PER_SECOND);
                         let off = (motors[motor] as f64 - ideal).abs();
                         prop_assert!(off <= 1.0 + 1e-3 + joined, "motor {} is {} off", motor, off);
@@ -166,7 +165,7 @@ proptest! {
         prop_assert!(!played.is_in_motion());
     }
 
-    /// Room made at once gives the plan of a move that is refused and comes again.
+    /// Immediate room yields the same plan as a move that is refused and offered again.
     #[test]
     fn a_plan_does_not_depend_on_how_room_is_made(
         machine in machines(), moves in moves(), ring in 2usize..40, law in accelerations(),
@@ -193,7 +192,7 @@ proptest! {
         for planned in blocks(machine, &MotionChoice::DEFAULT, 24, &moves) {
             let limits = limits();
             for (axis, per_mm) in machine_share(&machine, &planned).into_iter().enumerate() {
-                // A rounded step end may be half a step off at each side.
+                // Rounding may shift a step end by half a step at each side.
                 let slack = 1.0 / (machine.steps_per_mm[axis].to_f64() * planned.block.length_mm());
                 let share = (per_mm - slack).max(0.0);
                 prop_assert!(planned.block.nominal.mm_per_s() * share <= limits.max_feed_mm_per_s[axis] * (1.0 + 1e-6));
@@ -203,7 +202,7 @@ proptest! {
     }
 }
 
-/// Travel of each axis for a millimetre of path.
+/// Travel of each axis per millimetre of path.
 fn machine_share(machine: &Geometry, planned: &PlannedBlock) -> [f64; 4] {
     let [x, y, z] = planned.block.steps.map(|steps| f64::from(steps.abs()));
     let e = f64::from(planned.block.extruder_256ths.abs()) / 256.0;

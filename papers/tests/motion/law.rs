@@ -1,9 +1,9 @@
-//! The time law by the textbook.
+//! The textbook time law.
 
 use ferrostep_planner::PlannedBlock;
 
-/// The textbook trapezoid, in f64, independent of the planner's own: the share of the
-/// path after a time.
+/// The textbook trapezoid in f64, independent of the planner's own: the share of the path after a
+/// time.
 pub struct Law {
     ramps: [(f64, f64, f64); 3],
     pub length: f64,

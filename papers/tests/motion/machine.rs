@@ -1,4 +1,4 @@
-//! Machines, and what they make of moves.
+//! Machines, and their results for given moves.
 
 use ferrostep_papers::Papers;
 use ferrostep_planner::look_ahead::Slot;
@@ -12,12 +12,12 @@ use crate::motion::player::Player;
 
 pub const MINIMUM_INTERVAL: u32 = 168;
 
-/// The default under another law of acceleration.
+/// The default method under another acceleration law.
 pub fn under(acceleration: AccelerationProfile) -> MotionChoice {
     MotionChoice { acceleration, ..MotionChoice::DEFAULT }
 }
 
-/// The default under any law of acceleration.
+/// The default method under any acceleration law.
 pub fn accelerations() -> impl Strategy<Value = MotionChoice> {
     proptest::sample::select(&AccelerationProfile::ALL[..]).prop_map(under)
 }
@@ -49,7 +49,7 @@ pub fn cartesian() -> Geometry {
     geometry(Kinematics::Cartesian, [80.0, 80.0, 400.0, 95.0])
 }
 
-/// Steps a millimetre of machines as there are.
+/// Steps per millimetre of typical machines.
 pub fn usual_steps() -> impl Strategy<Value = [f64; 4]> {
     prop_oneof![
         Just([80.0, 80.0, 400.0, 95.0]),
@@ -58,7 +58,7 @@ pub fn usual_steps() -> impl Strategy<Value = [f64; 4]> {
     ]
 }
 
-/// Machines of all kinematics with these steps a millimetre.
+/// Machines of all kinematics with these steps per millimetre.
 pub fn machines_with(steps: impl Strategy<Value = [f64; 4]>) -> impl Strategy<Value = Geometry> {
     (proptest::sample::select(&Kinematics::ALL[..]), steps).prop_map(|(kinematics, steps)| geometry(kinematics, steps))
 }
@@ -73,7 +73,7 @@ pub fn planner(geometry: Geometry, choice: &MotionChoice, ring: usize) -> Planne
     planner
 }
 
-/// Advances, and holds the planner to what a queue must have room for.
+/// Advances, and checks that the planner keeps to the room that a queue must have.
 pub fn advance(planner: &mut Planner<Vec<Slot>, Papers>, player: &mut Player) -> Progress {
     let before = player.entries;
     let progress = planner.advance(player);

@@ -1,17 +1,17 @@
-//! The last steps at which a motor turned or took up play, for the case that they never happen.
+//! The last steps at which a motor reversed or took up play, in case they never happen.
 
-/// Steps remembered. The step queue seldom holds more; if a stop drops more, the oldest count as
-/// made, and the position is wrong by these steps, at most by the play.
+/// Number of steps remembered. The step queue seldom holds more; if a stop drops more, the oldest
+/// count as made, and the position is wrong by these steps, at most by the play.
 const MANY: usize = 64;
 
 /// Kind of a remembered step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Change {
-    /// The first one that was seen.
+    /// First step seen.
     Began,
-    /// The first one after a reversal.
+    /// First step after a reversal.
     Turned,
-    /// One that takes up play.
+    /// Step that takes up play.
     TookUp,
 }
 
@@ -23,7 +23,7 @@ struct Remembered {
     change: Change,
 }
 
-/// The last changes, in their order.
+/// The last changes, in order.
 #[derive(Debug)]
 pub(super) struct Changes {
     ring: [Option<Remembered>; MANY],
@@ -43,8 +43,8 @@ impl Changes {
         self.count = self.count.wrapping_add(1);
     }
 
-    /// Takes the last one that has not happened, of motors that have made these steps;
-    /// forgets those after it.
+    /// Takes the newest change that has not happened, given the steps that the motors have made,
+    /// and forgets those after it.
     pub(super) fn take_undone(&mut self, made: [u32; 3]) -> Option<(usize, Change)> {
         for _ in 0..MANY {
             self.count = self.count.wrapping_sub(1);

@@ -1,4 +1,4 @@
-//! Steps for the play of a drive join the events on their way to the step queue.
+//! Stage in which compensating steps join the events on their way to the step queue.
 
 use super::changes::{Change, Changes};
 use super::{Backlash, BacklashCorrection};
@@ -17,29 +17,30 @@ const XY: u8 = 0b11;
 /// Index of Z.
 const Z: usize = 2;
 
-/// A motor takes up play at most at this part of its axis' highest speed, since it gets that
-/// speed with one step.
+/// Fraction of its axis' highest speed up to which a motor takes up play, since it gets that speed
+/// with one step.
 const PART_OF_SPEED: f32 = 0.25;
 
 /// A motor and its play.
 #[derive(Clone, Copy, Debug)]
 struct Drive {
-    /// Steps of the play, as far as it is corrected.
+    /// Steps of the corrected share of the play.
     play: i32,
     /// Length of a step, 10 nm.
     step_10nm: u32,
-    /// The way between two steps that take up play, 10 nm.
+    /// Path between two compensating steps, 10 nm.
     way_10nm: i32,
-    /// The time between two of them, at least, ticks.
+    /// Minimum time between two compensating steps, ticks.
     least_ticks: u32,
-    /// Direction of its last step: 1 or -1; 0 if none was seen.
+    /// Direction of the motor's last step: 1 or -1; 0 if none was seen.
     side: i32,
-    /// Steps by which the motor should be ahead of the plan (`wanted`) and by which it is (`made`).
+    /// Steps by which the motor should be ahead of the plan (`wanted`) and steps by which it is
+    /// (`made`).
     wanted: i32,
     made: i32,
-    /// Path until the next step that takes up play; below 0 it is past.
+    /// Path until the next compensating step; negative if it is overdue.
     left_10nm: i32,
-    /// The time since the last one.
+    /// Time since the last compensating step.
     since_ticks: u32,
     /// Steps handed on, modulo 2^32.
     steps: u32,
@@ -78,13 +79,13 @@ pub struct BacklashStage {
     geometry: Geometry,
     drives: [Drive; 3],
     is_on: bool,
-    /// The direction signals by the plan, and as they are: a motor that still takes up play turns
-    /// with its next step.
+    /// Direction signals of the plan, and the actual ones: a motor that still takes up play
+    /// reverses with its next step.
     planned: u8,
     actual: u8,
-    /// The motors go towards a sensor.
+    /// The motors move towards a sensor.
     seeks: bool,
-    /// Z has stepped since X and Y did.
+    /// Z has stepped since X and Y last did.
     z_moves_alone: bool,
     changes: Changes,
     waiting: Waiting,
@@ -129,7 +130,7 @@ impl BacklashCorrection for BacklashStage {
                 (drive.side, drive.wanted) = (0, drive.made);
             }
         }
-        // A correction that has begun is also finished after the play is set to 0.
+        // A started correction is finished even if the play is set to 0.
         self.is_on = self.drives.iter().any(|drive| drive.play > 0 || drive.wanted != drive.made);
     }
 
@@ -189,7 +190,7 @@ impl BacklashCorrection for BacklashStage {
         self.waiting.is_any()
     }
 
-    // Once in the image, for the planner's task alone.
+    // Not inlined: it exists once in the image, for the planner's task alone.
     #[inline(never)]
     fn work(&mut self, seeks: bool, out: &mut PassedEntries) -> Option<Notice> {
         self.seeks = seeks;
@@ -247,7 +248,7 @@ impl BacklashStage {
         }
     }
 
-    /// The motors that have play to take up.
+    /// The motors that still have play to take up.
     fn behind(&self) -> u8 {
         let drives = self.drives.iter().zip(0..);
         drives.filter(|(drive, _)| drive.play > 0 && drive.is_behind()).fold(0, |mask, (_, motor)| mask | 1 << motor)
@@ -259,13 +260,13 @@ impl BacklashStage {
         self.seeks || motor == Z && self.z_moves_alone
     }
 
-    /// Direction of a motor's next step of the plan: 1 or -1.
+    /// Direction of a motor's next planned step: 1 or -1.
     fn way_of(&self, motor: usize) -> i32 {
         way(self.planned, motor)
     }
 
     /// Number of an entry's next `left` events that can pass unchanged: in none of them does a
-    /// motor turn or take up play.
+    /// motor reverse or take up play.
     #[inline(never)]
     fn sure_events(&self, interval_ticks: u32, axes: u8, added: u8, left: u16) -> u16 {
         let mut sure = left;
@@ -273,7 +274,7 @@ impl BacklashStage {
         for (motor, drive) in self.drives.iter().enumerate() {
             let steps_at = |axes: u8| axes >> motor & 1 == 1;
             if drive.side != self.way_of(motor) && drive.play > 0 {
-                // The motor turns with its first step.
+                // The motor reverses with its first step.
                 if steps_at(axes) && (left > 1 || !steps_at(added)) {
                     return 0;
                 }
@@ -286,14 +287,14 @@ impl BacklashStage {
                     if self.is_at_once(motor) { 0 } else { (drive.left_10nm.max(0) as u32).div_ceil(way_10nm) };
                 let time_left = drive.least_ticks.saturating_sub(drive.since_ticks);
                 let by_time = time_left.div_ceil(interval_ticks.max(1)).saturating_sub(1);
-                // A correcting step is due in the event after these.
+                // A compensating step is due in the event after these.
                 sure = sure.min(by_way.max(by_time).min(u16::MAX.into()) as u16);
             }
         }
         sure
     }
 
-    /// The way of an event of these motors, those of X, Y and Z added.
+    /// Path of an event of these motors, the sum over X, Y and Z.
     #[inline(never)]
     fn way_10nm(&self, axes: u8) -> u32 {
         let ways = self.drives.iter().enumerate();
@@ -322,7 +323,7 @@ impl BacklashStage {
         }
     }
 
-    /// Adds events in which nothing turns and nothing is due.
+    /// Adds events in which nothing reverses and nothing is due.
     fn pass_some(&mut self, interval_ticks: u32, count: u16, axes: u8, added: u8, out: &mut PassedEntries) {
         let last = axes ^ added;
         self.count(axes, count.wrapping_sub(1));
@@ -340,13 +341,13 @@ impl BacklashStage {
         self.waiting.pass_events(count);
     }
 
-    /// Adds an event, with the steps that are due.
+    /// Adds an event, together with the compensating steps that are due.
     fn pass_one(&mut self, interval_ticks: u32, axes: u8, out: &mut PassedEntries) {
         self.turn(axes);
         self.turn_to(self.actual ^ (self.actual ^ self.planned) & axes, out);
         let (mut interval_ticks, beside) = (interval_ticks, self.due(interval_ticks) & !axes);
-        // A motor that steps in this event has its other step in the middle of the time before.
-        // Without room for one there, it is left to a later event.
+        // A motor that steps in this event gets its other step in the middle of the preceding
+        // interval. Without room for one there, it is left to a later event.
         let half = interval_ticks / 2;
         let has_room = half >= self.geometry.minimum_event_interval_ticks.max(1);
         let early = if has_room { self.due(half) & axes } else { 0 };
@@ -363,7 +364,7 @@ impl BacklashStage {
         self.waiting.pass_events(1);
     }
 
-    /// Notes which of the motors that step now go another way than before.
+    /// Notes which of the stepping motors reverse.
     #[inline(never)]
     fn turn(&mut self, axes: u8) {
         for motor in 0..3 {
@@ -382,13 +383,13 @@ impl BacklashStage {
         }
     }
 
-    /// The motors of which a step is due in this time.
+    /// The motors for which a compensating step is due in this time.
     #[inline(never)]
     fn due(&self, ticks: u32) -> u8 {
         let mut due = 0;
         for (motor, drive) in self.drives.iter().enumerate() {
-            // The signal of a motor without play may already have changed, before its first step in
-            // the new direction.
+            // The direction signal of a motor without play may already have changed, before its
+            // first step in the new direction.
             if drive.is_due(ticks, self.is_at_once(motor)) && way(self.actual, motor) == drive.side {
                 due |= 1 << motor;
             }
@@ -396,7 +397,7 @@ impl BacklashStage {
         due
     }
 
-    /// Makes these motors take a step that takes up play.
+    /// Makes these motors take a compensating step.
     #[inline(never)]
     fn take_up(&mut self, axes: u8) {
         for (motor, drive) in self.drives.iter_mut().enumerate() {
@@ -405,7 +406,8 @@ impl BacklashStage {
             }
             drive.steps = drive.steps.wrapping_add(1);
             drive.made = drive.made.wrapping_add(drive.side);
-            // The next one is due this far from where this one was, or from here if it comes early.
+            // The next one is due this far from where this one was due, or from here if it comes
+            // early.
             drive.left_10nm = drive.left_10nm.min(0).saturating_add(drive.way_10nm);
             drive.since_ticks = 0;
             self.changes.note(motor, drive.steps, Change::TookUp);

@@ -3,7 +3,7 @@
 /// Largest step count either axis of a line may have; keeps every decision value in 32 bits.
 pub const MAX_STEPS: u32 = 1 << 28;
 
-/// Reason why there is no such line.
+/// Reason why a line is impossible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineError {
     /// An axis would make more than [`MAX_STEPS`] steps.
@@ -23,9 +23,9 @@ impl core::fmt::Display for LineError {
 
 impl core::error::Error for LineError {}
 
-/// Steps of the major axis, and how many of them the minor axis joins.
+/// Steps of the major axis, and the number of them that the minor axis joins.
 ///
-/// Arithmetic with them wraps in words only: from 0 to 2^28, no product here reaches 2^31.
+/// Arithmetic with them wraps in name only: from 0 to 2^28, no product here reaches 2^31.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slope {
     major: i32,
@@ -36,7 +36,7 @@ impl Slope {
     /// `minor <= major <=` [`MAX_STEPS`] steps; both may be 0.
     ///
     /// # Errors
-    /// They are not.
+    /// The counts exceed this range.
     #[inline]
     pub const fn new(major: u32, minor: u32) -> Result<Self, LineError> {
         if major > MAX_STEPS || minor > MAX_STEPS {
@@ -79,8 +79,7 @@ impl Slope {
         self.minor > self.major.wrapping_sub(self.minor)
     }
 
-    /// The line's stairs as those of a slope of at most 1/2: how often the rarer
-    /// kind of step comes.
+    /// Number of steps of the rarer kind: the line's stairs are those of a slope of at most 1/2.
     #[inline(always)]
     pub const fn rarer(self) -> i32 {
         if self.is_steep() { self.major.wrapping_sub(self.minor) } else { self.minor }
@@ -88,11 +87,11 @@ impl Slope {
 
     /// First decision value of stairs, before the first step.
     ///
-    /// Classic Bresenham steps the minor axis where d > 0. Of the complement, whose steps are those
-    /// that the minor axis does not join, all decision values are the negative ones: with dy' =
-    /// dx - dy, d'_1 = 2 dy' - dx = -(2 dy - dx) = -d_1, and both sums change by opposite amounts.
-    /// It steps where d <= 0, which is d' >= 0, in integers d' + 1 > 0: the complement's decision
-    /// values are 1 more.
+    /// Classic Bresenham steps the minor axis where d > 0. In the complement, whose steps are those
+    /// that the minor axis does not join, all decision values are negated: with dy' = dx - dy, d'_1
+    /// = 2 dy' - dx = -(2 dy - dx) = -d_1, and both sums change by opposite amounts. It steps where
+    /// d <= 0, which is d' >= 0, in integers d' + 1 > 0: the complement's decision values are 1
+    /// more.
     #[inline(always)]
     pub const fn start(self) -> i32 {
         if self.is_steep() { 1i32.wrapping_sub(self.major) } else { self.major.wrapping_neg() }

@@ -1,4 +1,5 @@
-//! Step ("staircase") Bresenham as the interpolator uses it: a division when a width is asked for.
+//! Step ("staircase") Bresenham as the interpolator uses it: one division when a width is
+//! requested.
 
 use super::slope::Slope;
 
@@ -9,15 +10,15 @@ use super::slope::Slope;
 pub struct StepBresenham {
     /// 2 dy, by which the decision value rises with each step.
     rise: i32,
-    /// 2 dx, by which it falls where the minor axis steps.
+    /// 2 dx, by which the decision value falls where the minor axis steps.
     fall: i32,
-    /// Decision value of the last step, not above zero: the minor axis steps when it would be.
+    /// Decision value of the last step, at most zero: the minor axis steps when it would be
+    /// positive.
     decision: i32,
 }
 
 impl StepBresenham {
-    /// The line of `major` by `minor` steps; `None` unless `minor <= major <=`
-    /// [`super::MAX_STEPS`].
+    /// Line of `major` by `minor` steps; `None` unless `minor <= major <=` [`super::MAX_STEPS`].
     pub const fn new(major: u32, minor: u32) -> Option<Self> {
         match Slope::new(major, minor) {
             Ok(slope) => Some(Self { rise: 2 * slope.dy(), fall: 2 * slope.dx(), decision: -slope.dx() }),
@@ -31,7 +32,7 @@ impl StepBresenham {
     }
 
     /// Major-axis steps left in the present stair, up to and including the next one with a
-    /// minor-axis step; out of reach after the last.
+    /// minor-axis step; a huge number after the last.
     #[inline]
     pub const fn width(&self) -> u32 {
         if self.rise == 0 {
@@ -54,9 +55,9 @@ impl StepBresenham {
         steps
     }
 
-    /// Major-axis steps, one after the other from the next on, with each of which the minor axis
-    /// steps; out of reach where it does with all. The complement of a stair: on a line steeper
-    /// than 1/2 these are most.
+    /// Number of consecutive major-axis steps, from the next one on, that the minor axis joins; a
+    /// huge number if it joins all. This is the complement of a stair: on a line steeper than 1/2
+    /// most steps are joint.
     #[inline]
     pub const fn diagonal(&self) -> u32 {
         let above = self.decision.wrapping_add(self.rise);

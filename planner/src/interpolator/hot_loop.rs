@@ -1,6 +1,5 @@
-//! Steps one after the other, with what changes kept in registers: what most instructions of a
-//! print are spent on. All of this file follows R1, R2 and R6 of the performance rules
-//! (docs/src/performance.md).
+//! Steps one by one, with changing state kept in registers: most instructions of a print are spent
+//! here. This whole file follows R1, R2 and R6 of the performance rules (docs/src/performance.md).
 
 use super::{FAR, Interpolator, MOVE_BEGINS, ONE_TICK};
 use crate::extruder_gap::{ExtruderGap, Look};
@@ -9,26 +8,26 @@ use crate::step_queue::{EXTRUDER, StepEntry};
 use crate::step_times::{EvenSteps, HotRamp};
 use crate::time_units::{FRACTION_BITS, HALF_TICK};
 
-/// Maximum number of ticks that the first and the last step of a stair may be off: 0.4 us.
+/// Maximum deviation of a stair's first and last step, ticks: 0.4 us.
 const STAIR_TOLERANCE: u32 = 32;
 
-/// A stair's last step may be due up to this many ticks after where it is.
+/// Limit, in ticks, of a stair's last step being due after its actual time.
 const FARTHEST: u32 = STAIR_TOLERANCE + 1;
 
 /// Bits of a cruise's interval beyond its time units.
 const BITS_BEYOND: u32 = 16;
 
-/// Time units from an event, a whole tick, to when the next one is due, half a tick included: in 32
-/// bits, for all but slow steps, or as many as it takes.
+/// Time units from an event, a whole tick, to the due time of the next one, half a tick included:
+/// in 32 bits for all but slow steps, otherwise in as many as needed.
 pub(super) trait Gap: Copy {
-    /// True if it can hold a step after this many time units plus less than a tick.
+    /// True if the type can hold a step after this many time units plus less than a tick.
     fn holds(units: u64) -> bool;
 
-    /// Takes a step this far after the last event. Returns how far the next one is after it, and
-    /// whether the interval holds that.
+    /// Takes a step this far after the last event. Returns the distance of the next one after it,
+    /// and true if the type holds that distance.
     fn behind(self, run: &mut HotRamp) -> (Self, bool);
 
-    /// Fraction of a tick left over by the last step taken; `self` is what
+    /// Fraction of a tick left over by the last step taken; `self` is the value that
     /// [`Self::behind`] returned.
     fn left_over(self, run: &HotRamp) -> u64;
 
@@ -104,10 +103,10 @@ impl Gap for u64 {
 }
 
 impl<M: MotionMethods> Interpolator<M> {
-    /// Makes the master's steps in a ramp, and the extruder's between them, as long as none is
-    /// too near to another: at most `most` events, the master's first step `gap` time units after
-    /// the last event, half a tick included. Returns how many events there are, and whether
-    /// anything has happened.
+    /// Makes the master's steps in a ramp, and the extruder's between them, as long as none is too
+    /// close to another: at most `most` events, the master's first step `gap` time units after the
+    /// last event, half a tick included. Returns the number of events, and true if anything has
+    /// happened.
     #[inline(never)]
     pub(super) fn make_ramp<G: Gap>(&mut self, mut gap: G, most: usize) -> (usize, bool) {
         let Some((mut run, steps)) = self.master.hot_ramp() else { return (0, false) };
@@ -160,7 +159,7 @@ impl<M: MotionMethods> Interpolator<M> {
             }
         }
         let steps = (events - between.steps) as u32;
-        // No event has come after a step whose successor is too far.
+        // No event has come after a step whose successor is too far away.
         let is_held = steps == 0 || G::holds(run.units());
         let behind = if is_held { gap.units() } else { gap.left_over(&run) };
         let due = between.last(free).wrapping_add(behind).wrapping_sub(HALF_TICK);
@@ -172,12 +171,12 @@ impl<M: MotionMethods> Interpolator<M> {
         (events, between.has_joined)
     }
 
-    /// Makes the steps of a cruise, of which `left` are left, with stairs: of steps that no
-    /// follower takes part in but perhaps the last, or of steps that the first one takes part in.
-    /// Returns how many entries there are, and whether anything has happened.
+    /// Makes the steps of a cruise, of which `left` are left, as stairs: runs of steps in which no
+    /// follower takes part, except perhaps in the last, or in which the first follower takes part.
+    /// Returns the number of entries, and true if anything has happened.
     ///
-    /// Wu 2024; the second kind is the stairs' complement. All of a stair's steps are about where
-    /// they are due, and no step of the extruder comes before the last.
+    /// Wu 2024; the second kind is the stairs' complement. All of a stair's steps are close to
+    /// their due times, and no extruder step comes before the last.
     #[inline(never)]
     pub(super) fn make_cruise(&mut self, cruise: EvenSteps, mut left: u32, gap: u64, most: usize) -> (usize, bool) {
         if cruise.interval >= FAR {
@@ -191,12 +190,12 @@ impl<M: MotionMethods> Interpolator<M> {
         let mut free = between.free;
         let least = self.minimum_interval;
         // In 2^-32 tick, so that whole ticks are a word: time from the last event to the master's
-        // next step, time from one step to the next, and the excess of that over whole ticks.
+        // next step, interval between steps, and its excess over whole ticks.
         let mut gap = gap << BITS_BEYOND | u64::from(self.master.beyond());
         let interval = cruise.interval << BITS_BEYOND | u64::from(cruise.beyond);
         let surplus = interval as i32;
         let longest = if cruise.ticks >= least { cruise.longest_stair } else { 1 };
-        // The next event is not a stair if a step of the extruder waits for it, or the move before
+        // The next event is not a stair if an extruder step waits for it, or if the previous move
         // would end in it.
         let mut begins = self.joining & MOVE_BEGINS != 0;
         let mut is_single = waits;
@@ -220,10 +219,10 @@ impl<M: MotionMethods> Interpolator<M> {
                 let width = if diagonal == 0 { line.width() } else { diagonal };
                 let mut count = width.min(to_go).min(longest_now);
                 longest_now = longest;
-                // Ticks by which the stair's first step comes before it is due.
+                // Ticks by which the stair's first step comes early.
                 let early = ticks.wrapping_sub(cruise.ticks);
                 if count > 1 {
-                    // The same for its last step: whole ticks drift away from the interval.
+                    // Likewise for its last step: whole ticks drift away from the interval.
                     let others = count.wrapping_sub(1);
                     let drift = cruise.drift.wrapping_mul(others as i32) >> FRACTION_BITS;
                     if !is_tolerable(early) || !is_tolerable(early.wrapping_sub(drift as u32)) {
@@ -304,7 +303,7 @@ impl<M: MotionMethods> Interpolator<M> {
         (events, between.has_joined)
     }
 
-    /// Takes over what a run has done besides the master's steps.
+    /// Takes over the results of a run besides the master's steps.
     #[inline(always)]
     fn end_run(&mut self, between: &ExtruderGap, free: u32, entries: usize, has_stepped: bool) {
         self.last = between.last(free);

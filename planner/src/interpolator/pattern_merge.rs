@@ -1,14 +1,14 @@
-//! Blocks made by another step pattern: its events, Z's and the extruder's steps, merged.
+//! Blocks made by another step pattern: merges its events with the steps of Z and the extruder.
 //!
 //! All of them follow the block's time law. The pattern's events are on time: an extruder or Z step
-//! that would come less than the minimum event interval before one of them waits for it, one that
-//! would come that near after the last event joins it. Two of the pattern's events join if they are
-//! that near, the later stepping early. Nothing joins across a change of direction, so a motor that
-//! turns round does it no sooner than the interval after the event before, and the signals change
-//! right after that: the profile's check ensures that pulse and set-up time fit into the interval.
+//! due less than the minimum event interval before one of them waits for it; one due that close
+//! after the last event joins it. Two events of the pattern that are that close join, the later one
+//! stepping early. Nothing joins across a change of direction, so a motor reverses no sooner than
+//! the interval after the previous event, and the signals change right after that event: the
+//! profile's check ensures that pulse and set-up time fit into the interval.
 //!
-//! At a block's end all motors have arrived there, as each has made all its steps. Moves do not
-//! share blocks under another pattern, so that is the end of every move; a block that has several
+//! At a block's end all motors have arrived, because each has made all its steps. Moves do not
+//! share blocks under another pattern, so that is the end of every move; a block of several moves
 //! is made by step Bresenham.
 
 use super::{FAR, Interpolator, MAX_ENTRIES, WHOLE_TICKS, Work};
@@ -19,15 +19,15 @@ use crate::stretches::Stretch;
 use crate::time_law::TimeLaw;
 use crate::time_units::{FRACTION_BITS, HALF_TICK};
 
-/// Maximum number of entries that an event takes: the directions, and itself.
+/// Maximum number of entries per event: the directions, and the event itself.
 const MAX_ENTRIES_AN_EVENT: usize = 2;
 
 /// Z's bit.
 const Z: u8 = 1 << 2;
 
 impl<M: MotionMethods> Interpolator<M> {
-    /// Begins a block that is made by the other pattern; `false` without one, or where several
-    /// moves end in the block.
+    /// Begins a block made by the other pattern; `false` without one, or if several moves end in
+    /// the block.
     #[inline]
     pub(super) fn start_pattern(&mut self, stretch: &Stretch, law: &TimeLaw<M::Pieces>, extruder: &MotorSteps) -> bool {
         self.follows_pattern = false;
@@ -65,8 +65,7 @@ impl<M: MotionMethods> Interpolator<M> {
                 (Some(ordered), None) => ordered.time,
                 (None, Some((beside, _))) => beside,
             };
-            // Time from the last event to the nearest tick; wraps if the step should
-            // have come before it.
+            // Time from the last event to the nearest tick; wraps if the step was due before it.
             let gap = due.wrapping_add(HALF_TICK).wrapping_sub(self.last);
             if gap >= FAR && self.has_waited(gap) {
                 return Work::Waited;
@@ -108,7 +107,7 @@ impl<M: MotionMethods> Interpolator<M> {
         self.place(event.time, gap, axes);
     }
 
-    /// Adds an event, at its time or as near as another allows.
+    /// Adds an event at its time, or as close to it as another event allows.
     #[inline]
     fn place(&mut self, due: u64, gap: u64, axes: u8) {
         let interval = (gap >> FRACTION_BITS) as u32;

@@ -1,8 +1,8 @@
-//! One motor an axis.
+//! Cartesian kinematics: one motor per axis.
 
 use super::linear::{Length, LinearKinematics};
 
-/// X, Y and Z have a motor each.
+/// Machine whose X, Y and Z have a motor each.
 pub struct Cartesian;
 
 impl LinearKinematics for Cartesian {

@@ -1,4 +1,4 @@
-//! CoreXY: two fixed motors and one belt, or two, move X and Y together.
+//! CoreXY: two fixed motors, with one belt or two, move X and Y together.
 
 use super::linear::{Length, LinearKinematics};
 

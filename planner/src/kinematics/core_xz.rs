@@ -1,4 +1,5 @@
-//! CoreXZ: two fixed motors move X and Z together, as on the Voron Switchwire; Y has its own.
+//! CoreXZ: two fixed motors move X and Z together, as on the Voron Switchwire; Y has a separate
+//! motor.
 
 use super::linear::{Length, LinearKinematics};
 

@@ -5,7 +5,7 @@ use super::core_xy::CoreXy;
 use super::core_xz::CoreXz;
 use super::linear::{Length, LinearKinematics};
 
-/// The enum of all kinematics, from a line each: everything that depends on one goes
+/// Generates the enum of all kinematics from a line each: everything that depends on the kind goes
 /// through its functions.
 macro_rules! kinematics {
     ($($(#[$about:meta])* $name:ident,)+) => {
@@ -19,7 +19,7 @@ macro_rules! kinematics {
             /// All kinematics.
             pub const ALL: [Self; [$($name::NAME),+].len()] = [$(Self::$name),+];
 
-            /// The profile's word, and the trace's.
+            /// Name in the profile and the trace.
             pub const fn name(self) -> &'static str {
                 match self { $(Self::$name => $name::NAME,)+ }
             }
@@ -40,7 +40,7 @@ macro_rules! kinematics {
                 match self { $(Self::$name => $name::motors(position),)+ }
             }
 
-            /// Position for these motor positions; undoes [`Self::motors`].
+            /// Position for these motor positions, the inverse of [`Self::motors`].
             #[inline(always)]
             pub fn position<T: Length>(self, motors: [T; 3]) -> [T; 3] {
                 match self { $(Self::$name => $name::position(motors),)+ }
@@ -61,12 +61,12 @@ kinematics! {
 // ANCHOR_END: table
 
 impl Kinematics {
-    /// The kinematics of this name.
+    /// Kinematics of this name.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kinematics| kinematics.name() == name)
     }
 
-    /// Mask of the axes that the motors in the mask move; bits above Z stay.
+    /// Mask of the axes that the motors in the mask move; bits above Z are unchanged.
     pub fn axes_of_motors(self, motors: u8) -> u8 {
         let mut axes = motors & !0b111;
         for motor in (0..3).filter(|motor| motors >> motor & 1 == 1) {
@@ -88,8 +88,8 @@ impl Kinematics {
         self.axes_of_motors(self.motors_of_axis(axis)) != 1 << axis
     }
 
-    /// Largest speeds of the motors if each axis goes at up to its own: on a diagonal the
-    /// axes' parts add up.
+    /// Largest speeds of the motors if each axis moves at up to its own: on a diagonal the axes'
+    /// contributions add up.
     pub fn largest_motor_feeds(self, axes: [f64; 3]) -> [f64; 3] {
         let mut feeds = [0.0; 3];
         for (axis, feed) in axes.into_iter().enumerate() {
@@ -101,10 +101,10 @@ impl Kinematics {
     }
 }
 
-/// An even distance, of which half is whole.
+/// An even distance, so that its half is whole.
 const UNIT: i64 = 2;
 
-/// A position on one axis only, or one motor that has turned.
+/// Position with one axis, or one motor, moved by a unit.
 fn unit(index: usize) -> [i64; 3] {
     core::array::from_fn(|other| if other == index { UNIT } else { 0 })
 }

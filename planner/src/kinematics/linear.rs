@@ -6,7 +6,7 @@ use core::ops::{Add, Sub};
 /// A number that positions are computed with: exact integers where steps are made, floats where
 /// speeds are compared.
 pub trait Length: Copy + Add<Output = Self> + Sub<Output = Self> {
-    /// Half of it; of integers rounded towards zero.
+    /// Half of the value; integers are rounded towards zero.
     fn half(self) -> Self;
 }
 
@@ -18,7 +18,7 @@ impl Length for Wrapping<i32> {
     }
 }
 
-/// Parts of steps, within 2^62.
+/// Fractions of steps, within 2^62.
 impl Length for Wrapping<i64> {
     fn half(self) -> Self {
         Wrapping(self.0 / 2)
@@ -47,16 +47,17 @@ impl Length for f64 {
 /// A machine whose motors X, Y and Z (as the board names them) are each at a sum or difference of
 /// axes. All numbers of one call have one unit of length.
 ///
-/// Both functions are linear, without constants and with whole factors from axes to motors. The
-/// planner relies on it: a straight move at constant speed turns every motor at constant speed, so
-/// that one step Bresenham per block makes the steps of all three, blocks merge by adding steps,
+/// Both functions are linear, without constants and with integer factors from axes to motors. The
+/// planner relies on this: a straight move at constant speed turns every motor at constant speed,
+/// so that one step Bresenham per block makes the steps of all three, blocks merge by adding steps,
 /// and a prepared job holds motor steps. A motor's steps are its coordinate times its steps/mm,
 /// exactly rounded.
 ///
-/// A delta is not such a machine: there each motor would need its own stepper, which solves for the
-/// times of its steps over the pieces of the path, and a prepared job the positions as well.
+/// A delta is not such a machine: each of its motors would need a stepper that solves for the times
+/// of its steps over the pieces of the path, and a prepared job would have to hold positions as
+/// well.
 pub trait LinearKinematics {
-    /// The profile's word, and the trace's.
+    /// Name in the profile and the trace.
     const NAME: &'static str;
     /// Name reported by M115.
     const REPORTED: &'static str;
@@ -66,7 +67,7 @@ pub trait LinearKinematics {
     /// Motor positions X, Y, Z for a position.
     fn motors<T: Length>(position: [T; 3]) -> [T; 3];
 
-    /// Position for these motor positions; undoes [`Self::motors`].
+    /// Position for these motor positions, the inverse of [`Self::motors`].
     fn position<T: Length>(motors: [T; 3]) -> [T; 3];
 }
 // ANCHOR_END: trait

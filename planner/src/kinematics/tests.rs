@@ -1,4 +1,4 @@
-//! Steps and positions are exact.
+//! Exactness of steps and positions.
 #![allow(clippy::unwrap_used)]
 
 use super::*;

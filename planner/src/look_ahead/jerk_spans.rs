@@ -1,28 +1,28 @@
 //! Look-ahead under an S-curve: neighbouring blocks share one time law.
 //!
-//! Were every block to begin and end without acceleration, curves of short blocks would never gain
+//! If every block began and ended without acceleration, curves of short blocks would never gain
 //! speed. So blocks leave in *runs*, each under one law, and the acceleration is zero at the ends
-//! of runs only. Li 2017 plans segment by segment and does not know this. The best places for an
-//! end are those where the speed is lowest, and there the acceleration is zero anyway.
+//! of runs only. Li 2017 plans segment by segment, without runs. The best places for an end are
+//! those with the lowest speed, where the acceleration is zero anyway.
 //!
-//! - *Reverse pass.* For each corner the speed from which, without acceleration there, everything
-//!   after it can be done: by one ramp to an *anchor*, a corner after it whose speed is known
-//!   already, over all blocks between and no faster than any of them or of the corners between. The
-//!   anchor is kept as long as that gives more than a ramp to the next corner, which becomes the
-//!   anchor otherwise.
-//! - *A run is settled when its first block leaves.* It ends at the first corner that limits, that
-//!   is where the corner itself bounds the speed, and that can be reached with that speed; the
-//!   corners between have to be passed no faster than they may, which the law is asked. Where they
-//!   would, the run is made slower, or ends there, whichever takes less time.
-//! - What leaves is cut off where the run cruises, if that is at the end of a block: it costs
-//!   nothing, and what is after may still become faster. A run that ends where no more blocks are
-//!   known and has no such place is cut in its middle.
+//! - *Reverse pass.* Each corner gets the speed from which, without acceleration there, everything
+//!   after it is possible: by one ramp to an *anchor*, a later corner whose speed is already known,
+//!   over all blocks between and no faster than any of them or of the corners between. The anchor
+//!   is kept as long as that gives more than a ramp to the next corner; otherwise the next corner
+//!   becomes the anchor.
+//! - *A run is settled when its first block leaves.* It ends at the first limiting corner, one
+//!   whose own bound limits the speed and that can be reached with that speed; the law is asked
+//!   whether the corners between are passed slowly enough. If one is not, the run is made slower,
+//!   or ends there, whichever takes less time.
+//! - A run is cut where it cruises, if that is at the end of a block: this costs nothing, and later
+//!   blocks may still become faster. A run that ends at the last known block and has no such place
+//!   is cut in its middle.
 //!
-//! One thing is not as under a constant acceleration: to slow down to x takes longer than to slow
-//! down to a standstill where x is small, since the acceleration has to be gone at x
-//! ([`crate::s_curve::bounds`]). So a corner's speed could fall when the anchor's rises. It is kept
-//! then, with its anchor: speeds possible before remain possible, at the anchor perhaps with
-//! less than its speed.
+//! One thing differs from constant acceleration: slowing down to a small x takes longer than
+//! slowing down to a standstill, because the acceleration has to be zero at x
+//! ([`crate::s_curve::bounds`]). So a corner's speed could fall when the anchor's rises. It is then
+//! kept, with its anchor: speeds possible before remain possible, perhaps with less than the
+//! anchor's speed there.
 
 use crate::block::{Acceleration, Block, Speed};
 use crate::pace::Pace;
@@ -51,26 +51,27 @@ pub(super) struct Runs {
 /// A corner as the end of a run that begins at the oldest block.
 #[derive(Clone, Copy, Debug)]
 struct End {
-    /// Place of the block after it; the ring's length without such a block.
+    /// Place of the block after the corner; the ring's length without such a block.
     place: usize,
-    /// Blocks before it, their length, and the smallest of their accelerations and of their jerks.
+    /// Number of blocks before the corner, their length, and the smallest of their accelerations
+    /// and of their jerks.
     blocks: usize,
     length_10nm: u32,
     acceleration: Acceleration,
     jerk: Jerk,
-    /// Largest of their nominal speeds.
+    /// Largest nominal speed of these blocks.
     fastest: Speed,
-    /// Bound of the speed there, and the speed from which everything after can be done.
+    /// Bound of the speed at the corner, and the speed from which everything after it is possible.
     bound: Speed,
     speed: Speed,
-    /// Nominal speed of the last of them.
+    /// Nominal speed of the last of these blocks.
     nominal: Speed,
-    /// No block is known after it.
+    /// True if no later block is known.
     is_last: bool,
 }
 
 impl End {
-    /// The beginning.
+    /// Start of the search.
     const NONE: Self = Self {
         place: 0,
         blocks: 0,
@@ -85,20 +86,20 @@ impl End {
     };
 }
 
-/// Speeds of a run to an end.
+/// Speeds of a run up to an end.
 #[derive(Clone, Copy, Debug)]
 struct Speeds {
     peak: Speed,
     exit: Speed,
 }
 
-/// The corner to which a ramp goes from the corners before it.
+/// The corner to which a ramp goes from earlier corners.
 #[derive(Clone, Copy, Debug)]
 struct Anchor {
     place: usize,
     speed: Speed,
-    /// Path to it, and the smallest acceleration and jerk and the slowest nominal speed
-    /// or corner on it.
+    /// Path to the corner, and the smallest acceleration and jerk and the slowest nominal speed or
+    /// corner on it.
     length_10nm: u32,
     acceleration: Acceleration,
     jerk: Jerk,
@@ -106,7 +107,7 @@ struct Anchor {
 }
 
 impl Anchor {
-    /// Returns the span extended by one more block before it.
+    /// The span extended by one earlier block.
     fn with_block_before(&self, block: &Block, jerk: Jerk) -> Self {
         Self {
             length_10nm: self.length_10nm.saturating_add(block.length_10nm),
@@ -117,7 +118,7 @@ impl Anchor {
         }
     }
 
-    /// The fastest that one ramp to it may begin with.
+    /// Highest speed from which one ramp can reach the anchor.
     fn reach(&self) -> Speed {
         if self.slowest <= self.speed {
             return self.slowest;
@@ -126,7 +127,7 @@ impl Anchor {
     }
 }
 
-/// Steps in which a run is made slower.
+/// Number of steps in which a run is made slower.
 const SLOWER_STEPS: u32 = 8;
 
 impl Runs {
@@ -145,7 +146,7 @@ impl Runs {
         self.reverse_pass_over_corners(ring, newest);
     }
 
-    /// Walks backwards from the newest corner to one that is already as fast as it may be.
+    /// Walks backwards from the newest corner to one that already has its highest possible speed.
     fn reverse_pass_over_corners<S: RingMemory>(&self, ring: &mut Ring<S>, newest: usize) {
         let end = Anchor {
             place: newest + 1,
@@ -206,7 +207,7 @@ impl Runs {
         Some(Released::Part(part))
     }
 
-    /// Settles the law of the blocks that leave next.
+    /// Settles the law of the next blocks to leave.
     fn settle<S: RingMemory>(&self, ring: &mut Ring<S>, first: &Waiting, pace: Pace) -> Leaving {
         let entry = first.entry_speed;
         let settling = Settling { jerks: self.jerks, joins: self.joins, entry, pace };
@@ -222,7 +223,7 @@ impl Runs {
         let (mut end, mut speeds) = law.unwrap_or_else(|| settling.granted(ring, first));
         let may_grow = end.is_last && !ring.stopped;
         if let Some(cut) = settling.cut_in_cruise(ring, &end, &speeds) {
-            // Answers of a law hold for that law only.
+            // Results of a law hold for that law only.
             end = End { acceleration: end.acceleration, jerk: end.jerk, ..cut };
             speeds.exit = speeds.peak;
         } else if may_grow && let Some((cut, slower)) = settling.cut_in_middle(ring, &end) {
@@ -258,8 +259,8 @@ impl Settling {
         Planning::new(end.jerk, end.acceleration)
     }
 
-    /// The speed with which an end can be reached that everything after it can be done from, and
-    /// the greatest on the way; `None` if no speed does.
+    /// Speed at which an end can be reached such that everything after it is possible, and the
+    /// highest speed on the way; `None` if no speed qualifies.
     fn exit(&self, end: &End) -> Option<(Speed, Speed)> {
         let planning = self.planning(end);
         let held = if self.pace == Pace::FULL { end.fastest } else { self.pace.of(end.fastest) };
@@ -271,7 +272,8 @@ impl Settling {
         (exit <= end.speed && planning.fits(self.entry, exit, length)).then_some((exit, held.max(self.entry)))
     }
 
-    /// Looks at the corners from the oldest on, the ring's end included, until something is found.
+    /// Visits the corners from the oldest on, the ring's end included, until `look` finds
+    /// something.
     fn find_end<S: RingMemory, T>(&self, ring: &Ring<S>, mut look: impl FnMut(&End) -> Option<T>) -> Option<T> {
         let mut end = End::NONE;
         for place in 0..ring.len() {
@@ -284,7 +286,7 @@ impl Settling {
                 }
             }
             end.blocks += 1;
-            // A run is no longer than 42 m; beyond that, the result so far has to do.
+            // A run is at most 42 m long; beyond that, the result so far must do.
             end.length_10nm = end.length_10nm.checked_add(block.length_10nm)?;
             end.acceleration = end.acceleration.min(block.acceleration);
             end.jerk = end.jerk.min(self.jerks.of(block));
@@ -295,7 +297,7 @@ impl Settling {
         look(&end)
     }
 
-    /// The first corner that limits and can be reached with its speed, or the last of all.
+    /// The first limiting corner that can be reached with its speed, or the last of all.
     fn first_limit<S: RingMemory>(&self, ring: &Ring<S>) -> End {
         let mut last = None;
         let found = self.find_end(ring, |end| {
@@ -306,8 +308,7 @@ impl Settling {
         found.or(last).unwrap_or(End::NONE)
     }
 
-    /// The speeds of one run to an end, or a better, nearer end; `None` if it
-    /// cannot be reached.
+    /// Speeds of one run to an end, or a better, nearer end; `None` if the end cannot be reached.
     fn law_to<S: RingMemory>(&self, ring: &Ring<S>, end: &End) -> Result<Speeds, Option<End>> {
         let Some((exit, most)) = self.exit(end) else { return Err(None) };
         let planning = self.planning(end);
@@ -340,7 +341,7 @@ impl Settling {
         }
     }
 
-    /// The first corner or block of a run that it would pass too fast, as an end.
+    /// The first corner or block that a run would pass too fast, as an end.
     fn too_fast<S: RingMemory>(&self, ring: &Ring<S>, end: &End, speeds: &Speeds) -> Option<End> {
         let hump = self.planning(end).hump(self.entry, speeds.peak, speeds.exit, end.length_10nm);
         let cruise = hump.cruise_10nm();
@@ -362,8 +363,8 @@ impl Settling {
         .flatten()
     }
 
-    /// The run that the reverse pass has granted: one ramp to the anchor, or to what of its
-    /// speed is possible.
+    /// The run granted by the reverse pass: one ramp to the anchor, at its speed or as close to it
+    /// as possible.
     fn granted<S: RingMemory>(&self, ring: &Ring<S>, first: &Waiting) -> (End, Speeds) {
         let place = usize::from(first.anchor);
         let mut last = None;
@@ -379,8 +380,8 @@ impl Settling {
         (end, Speeds { peak: entry, exit })
     }
 
-    /// The last corner that a run passes while it cruises, before it slows down, with a speed that
-    /// was granted there.
+    /// The last corner that a run passes while cruising, before it slows down, at a speed that was
+    /// granted there.
     fn cut_in_cruise<S: RingMemory>(&self, ring: &Ring<S>, end: &End, speeds: &Speeds) -> Option<End> {
         if speeds.exit >= speeds.peak {
             return None;
@@ -401,8 +402,8 @@ impl Settling {
         found
     }
 
-    /// The corner nearest to the middle of a run at which it can end, or of the others the one with
-    /// the fastest end.
+    /// The corner nearest to the middle of a run at which the run can end, or otherwise the one
+    /// with the highest end speed.
     fn cut_in_middle<S: RingMemory>(&self, ring: &Ring<S>, end: &End) -> Option<(End, Speeds)> {
         let mut middle: Option<End> = None;
         self.find_end(ring, |corner| {

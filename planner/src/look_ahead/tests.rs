@@ -16,7 +16,7 @@ fn block(nominal: f64, acceleration: f64, length_mm: f64) -> Block {
     }
 }
 
-/// Both passes over the whole list, the plain way.
+/// Reference: both passes over the whole list, the plain way.
 fn reference(moves: &[(f64, f64, f64, f64)]) -> Vec<f64> {
     let mut entries: Vec<f64> = vec![0.0; moves.len() + 1];
     for i in 1..moves.len() {
@@ -101,8 +101,8 @@ proptest! {
     }
 }
 
-/// The blocks of some moves as they leave a ring of this many places. After each that comes, final
-/// ones may leave if `early` says so.
+/// The blocks of some moves as they leave a ring of this many places. After each arrival, final
+/// ones may leave if `early` allows.
 fn as_they_leave(
     moves: &[(f64, f64, f64, f64)],
     places: usize,
@@ -129,8 +129,8 @@ fn as_they_leave(
 }
 
 proptest! {
-    /// Final blocks leave with the same speeds at any time, so the plan of a host's moves is that
-    /// of a file's, though the ring is seldom full.
+    /// Final blocks leave with the same speeds at any time, so the plan of a host's moves equals
+    /// that of a file's, although the ring is seldom full.
     #[test]
     fn final_blocks_leave_with_the_same_speeds_at_any_time(
         moves in proptest::collection::vec((1.0f64..300.0, 100.0f64..10_000.0, 0.01f64..20.0, 0.0f64..40_000.0), 1..120),
@@ -142,7 +142,7 @@ proptest! {
         let eager = as_they_leave(&moves, places, |ring| {
             turn += 1;
             let released = ring.is_first_final() && whenever >> (turn % 128) & 1 == 1;
-            // The time of what may leave is that of its blocks.
+            // The time of releasable blocks is that of the blocks.
             assert_eq!(ring.final_ticks() > 0, ring.is_first_final());
             released
         });
@@ -159,8 +159,8 @@ fn a_block_before_a_slow_corner_is_final_and_the_last_never() {
         true
     });
     assert_eq!(left, 4, "each but the first move ends the doubt about the one before");
-    // A straight line at a speed that 20 blocks of a millimetre cannot brake from:
-    // nothing is final.
+    // A straight line at a speed from which 20 blocks of a millimetre cannot brake: nothing is
+    // final.
     let mut finals = 0;
     as_they_leave(&[(300.0, 1000.0, 1.0, 1e9); 20], 128, |ring| {
         finals += usize::from(ring.is_first_final());

@@ -11,18 +11,18 @@ use crate::varint;
 /// Reason why bytes are not a black box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReadError {
-    /// The bytes do not begin as one.
+    /// The bytes do not begin as a black box does.
     Magic,
     /// The bytes end too early.
     Short,
-    /// The checksum in them is not theirs.
+    /// The stored checksum does not match the bytes.
     Checksum {
-        /// Checksum in the bytes.
+        /// Stored checksum.
         expected: u32,
-        /// Checksum of the bytes.
+        /// Computed checksum.
         computed: u32,
     },
-    /// A slot that no step queue has, by its place.
+    /// A slot that no step queue can hold, by its place.
     Slot(u16),
     /// The record counts more slots than exist, or more events than a slot has.
     Counts,
@@ -35,16 +35,20 @@ pub enum ReadError {
 impl fmt::Display for ReadError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Magic => out.write_str("not a black box (wrong magic number)"),
-            Self::Short => out.write_str("the black box ends too early: fetch it again"),
+            Self::Magic => out.write_str("not a black box: its first bytes are not those of one"),
+            Self::Short => out.write_str("the black box is cut short: fetch it again"),
             Self::Checksum { expected, computed } => write!(
                 out,
-                "the black box is damaged: its checksum is {computed:08x}, expected {expected:08x}: fetch it again"
+                "the black box is damaged: its checksum is {expected:08x}, that of its bytes {computed:08x}: fetch it again"
             ),
-            Self::Slot(place) => write!(out, "slot {place} of the black box is not one of a step queue"),
-            Self::Counts => out.write_str("the black box counts more steps than it holds"),
-            Self::Name => out.write_str("a name in the black box is not text"),
-            Self::Long(bytes) => write!(out, "{bytes} bytes after the end of the black box, expected none"),
+            Self::Slot(place) => {
+                write!(out, "the black box is damaged: a step queue has no slot {place}: fetch it again")
+            }
+            Self::Counts => {
+                out.write_str("the black box is damaged: it counts more steps than it holds: fetch it again")
+            }
+            Self::Name => out.write_str("the black box is damaged: a name in it is not text: fetch it again"),
+            Self::Long(bytes) => write!(out, "{bytes} bytes follow the end of the black box: fetch it again"),
         }
     }
 }
@@ -58,7 +62,7 @@ pub struct Identity<'a> {
     pub board: &'a str,
     /// The profile.
     pub profile: &'a str,
-    /// Version of the firmware that has sent it.
+    /// Version of the firmware that sent it.
     pub version: &'a str,
 }
 
@@ -73,13 +77,13 @@ pub struct Contents<'a> {
     pub tick_hz: u32,
     /// Length of a pulse, ticks.
     pub pulse_ticks: u32,
-    /// Time of the board when it was sent, ms since its start.
+    /// Board time of the dump, ms since the board's start.
     pub now_ms: u32,
-    /// Some of the slots were damaged and are left out.
+    /// Some slots were damaged and are left out.
     pub is_damaged: bool,
     /// The board has a memory for records.
     pub has_memory: bool,
-    /// Range of the slots; they are numbered from 0, so that `oldest` is 0.
+    /// Range of the slots, numbered from 0: `oldest` is 0.
     pub past: Past,
     /// The records, the oldest first.
     pub records: RecordReader<'a>,
@@ -87,7 +91,7 @@ pub struct Contents<'a> {
     pub slots: Slots<'a>,
 }
 
-/// The slots of a black box, which were checked.
+/// Slots of a black box, already checked.
 #[derive(Clone, Debug)]
 pub struct Slots<'a> {
     bytes: &'a [u8],
@@ -106,7 +110,7 @@ impl Iterator for Slots<'_> {
     }
 }
 
-/// Bytes that are taken off one after the other.
+/// Bytes, taken from the front.
 struct Bytes<'a>(&'a [u8]);
 
 impl<'a> Bytes<'a> {
@@ -165,8 +169,7 @@ fn slot(bytes: &mut &[u8], reload: u32) -> Option<PastSlot> {
 }
 
 impl<'a> Contents<'a> {
-    /// Reads the bytes of a black box, and checks all of them but the records, each of which
-    /// has its own check.
+    /// Reads a black box and checks everything except the records, each of which has its own check.
     ///
     /// # Errors
     /// [`ReadError`]
@@ -228,14 +231,14 @@ impl<'a> Contents<'a> {
         })
     }
 
-    /// The facts that the board has sent.
+    /// Facts that the board sent.
     pub fn facts(&self) -> Facts<'a> {
         let Self { identity: Identity { board, profile, version }, both_edges, tick_hz, pulse_ticks, now_ms, .. } =
             *self;
         Facts { both_edges, tick_hz, pulse_ticks, now_ms, names: [board, profile, version] }
     }
 
-    /// Events that were played, of all slots.
+    /// Number of events that were played, over all slots.
     pub fn events_played(&self) -> u64 {
         let begun = self.slots.clone().take(self.past.next as usize);
         begun.map(|slot| u64::from(slot.events)).sum::<u64>().saturating_sub(self.past.events_left.into())

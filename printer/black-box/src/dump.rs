@@ -1,5 +1,5 @@
-//! The black box as lines of text, made while they are sent: from the memories
-//! themselves, without a copy.
+//! The black box as lines of text, generated while they are sent: straight from the memories,
+//! without a copy.
 //!
 //! A line is `blackbox:NUMBER:BASE64`, 45 bytes in 60 characters, numbered from 0; the last is
 //! `blackbox:end:LINES`. Other lines may come in between. The bytes, little-endian:
@@ -54,7 +54,7 @@ const MAX_NAME: usize = 40;
 /// Bytes of the records that are taken at a time.
 const CHUNK: usize = 32;
 
-/// Bytes that wait for a line: less than a line, and the longest part.
+/// Bytes waiting for a line: less than a line, plus the longest part.
 const PENDING: usize = LINE_BYTES + 2 * 29 + 32;
 
 const BASE64: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -62,7 +62,7 @@ const BASE64: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz
 /// CRC-32 without a table: a line takes longer to send than to compute.
 pub(crate) static CRC: crc::Crc<u32, crc::NoTable> = crc::Crc::<u32, crc::NoTable>::new(&crc::CRC_32_ISO_HDLC);
 
-/// The step queue's past, as the board has it.
+/// The step queue's past on the board.
 pub trait StepPast {
     /// Range of the kept slots; see [`ferrostep_step_player::StepPlayer::past`].
     fn past(&self) -> Past;
@@ -148,7 +148,7 @@ impl<'a, S: StepPast> Dump<'a, S> {
     pub fn next_line(&mut self, text: &mut String<LINE_CHARS>) -> bool {
         text.clear();
         while self.pending.len() < LINE_BYTES && self.go_on() {}
-        // The longest line has room.
+        // The longest line fits.
         if self.pending.is_empty() {
             let is_last = !self.is_ended;
             self.is_ended = true;
@@ -167,10 +167,10 @@ impl<'a, S: StepPast> Dump<'a, S> {
         true
     }
 
-    // Kept out of line, like the others: flash is short, and a line takes longer to send.
+    // Not inlined, like the others: flash is short, and sending a line takes longer.
     #[inline(never)]
     fn put(&mut self, byte: u8) {
-        // The buffer has room for the longest part.
+        // The longest part fits in the buffer.
         let _ = self.pending.push(byte);
         self.digest.update(&[byte]);
     }
@@ -277,7 +277,7 @@ fn encode(bytes: &[u8], text: &mut String<LINE_CHARS>) {
         let index = word >> (18 - 6 * place) & 63;
         let character =
             if place as usize > bytes.len() { b'=' } else { BASE64.get(index as usize).copied().unwrap_or(b'=') };
-        // The longest line has room.
+        // The longest line fits.
         let _ = text.push(character.into());
     }
 }

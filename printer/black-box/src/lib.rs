@@ -1,5 +1,5 @@
-//! The black box: the last commands, temperatures, driver events and halts, in memory that outlives
-//! a reset, and the way of these and of the step queue's last slots to the desk.
+//! The black box: the last commands, temperatures, driver events and halts, in memory that survives
+//! a reset, and the transfer of these and of the step queue's last slots to the desk.
 //!
 //! The board writes [`Record`]s into a [`RecordMemory`]; [`Dump`] turns them and the step queue's
 //! past into lines of text. The desk reads the bytes of those lines ([`Contents`]), and

@@ -1,4 +1,4 @@
-//! The ring of records, in 4 KiB that no start of the program fills.
+//! Ring of records, in 4 KiB that a program start leaves uninitialised.
 //!
 //! All accesses are loads and stores of relaxed atomics, which on a Cortex-M are plain ones; one
 //! task writes at a time. A reset may come between any two stores: the ring's ends are stored
@@ -30,14 +30,14 @@ pub struct RecordMemory {
     ring: [AtomicU8; RING],
 }
 
-/// Finding at a start.
+/// State of the memory at program start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Found {
-    /// Records of the program before.
+    /// Records of the previous program.
     Records,
-    /// No memory of records, as after power-on.
+    /// No records, as after power-on.
     Nothing,
-    /// Memory that does not keep its contents: this chip has none, or it is switched off.
+    /// Memory that does not keep its contents: the chip has none, or it is switched off.
     NoMemory,
 }
 
@@ -67,9 +67,9 @@ impl RecordMemory {
         }
     }
 
-    /// Must be called once at the start, before all else. `motions` is the number of motions
-    /// that the step queue has begun: with records of the previous program, nothing is recorded
-    /// until there are more.
+    /// Must be called once at the start, before everything else. `motions` is the number of motions
+    /// that the step queue has begun: if the memory holds records of the previous program,
+    /// recording resumes only after more have begun.
     pub fn restart(&self, motions: u32) -> Found {
         if self.marker.load(Ordering::Relaxed) == MARKER && self.is_consistent() {
             self.freeze(motions);
@@ -81,12 +81,12 @@ impl RecordMemory {
         if is_there { Found::Nothing } else { Found::NoMemory }
     }
 
-    /// True if there is a memory that has been set up.
+    /// True if the memory exists and is set up.
     pub fn is_there(&self) -> bool {
         self.marker.load(Ordering::Relaxed) == MARKER
     }
 
-    /// Forgets all records, and records anew.
+    /// Deletes all records and resumes recording.
     pub fn clear(&self) {
         self.frozen.store(0, Ordering::Relaxed);
         self.newest_ms.store(0, Ordering::Relaxed);
@@ -99,8 +99,8 @@ impl RecordMemory {
         self.frozen.store(1, Ordering::Relaxed);
     }
 
-    /// Records, unless a halt or a reset has ended that and nothing has moved since; the motion
-    /// after it begins anew. The oldest records make room.
+    /// Adds a record, unless a halt or a reset has stopped the recording and nothing has moved
+    /// since; the next motion restarts it. The oldest records make room.
     pub fn record(&self, now_ms: u32, motions: u32, record: &Record<'_>) {
         if self.frozen.load(Ordering::Relaxed) != 0 {
             if motions == self.motions.load(Ordering::Relaxed) {
@@ -111,8 +111,8 @@ impl RecordMemory {
         self.add(now_ms, record);
     }
 
-    /// Records what belongs to the past although the recording has ended: why it has. Its time is
-    /// the newest known, unless it is given.
+    /// Adds a record about the past even though recording has stopped, such as the reason for the
+    /// stop. Its time is `now_ms` or, without one, the newest known time.
     pub fn add_last(&self, now_ms: Option<u32>, record: &Record<'_>) {
         self.add(now_ms.unwrap_or_else(|| self.newest_ms.load(Ordering::Relaxed)), record);
     }
@@ -121,7 +121,7 @@ impl RecordMemory {
         if !self.is_there() {
             return;
         }
-        // A memory that has lost its ends begins anew.
+        // Memory whose ends are damaged starts over.
         let Ends { mut begin, end } = self.load().unwrap_or(Ends { begin: 0, end: 0 });
         let parts = record.parts(now_ms);
         let bytes = parts.bytes();
@@ -186,7 +186,7 @@ impl RecordMemory {
         })
     }
 
-    /// True if records lead from one end to the other.
+    /// True if a chain of records leads from one end to the other.
     fn is_consistent(&self) -> bool {
         let Some(Ends { begin, end }) = self.load() else { return false };
         let mut left = (end + RING - begin) % RING;
@@ -245,7 +245,7 @@ mod tests {
     }
 
     proptest! {
-        /// The newest records are there, whole and in order, as many as fit.
+        /// The newest records are kept whole and in order, as many as fit.
         #[test]
         fn the_newest_records_are_kept(texts in prop::collection::vec(any_text(), 1..150)) {
             let memory = RecordMemory::new();
@@ -261,13 +261,12 @@ mod tests {
                 prop_assert_eq!(now_ms as usize, number);
                 prop_assert_eq!(record, Record::Driver(cut[number]));
             }
-            // The next older one would not have fitted.
+            // The next older record would not have fitted.
             prop_assert!(first == 0 || kept.len() + cut[first - 1].len() + OVERHEAD >= RING);
             prop_assert_eq!(memory.restart(0), Found::Records);
         }
 
-        /// Whatever the memory holds at power-on: it is set up anew, or it is what a
-        /// program has left.
+        /// Any contents at power-on: the memory is set up anew, or holds what a program left.
         #[test]
         fn anything_can_be_found(words in any::<[u32; 5]>(), marked: bool, filling in prop::collection::vec(any::<u8>(), 1..300)) {
             let memory = RecordMemory::new();
@@ -288,7 +287,7 @@ mod tests {
             prop_assert_eq!(last, Some(Stamped { now_ms: 1, record: Record::Halt(b"end") }));
         }
 
-        /// A reset after any store of a record: all records before it are there, and the new one
+        /// A reset after any store of a record: all earlier records are there, and the new one
         /// wholly or not at all.
         #[test]
         fn a_reset_may_come_at_any_store(before in prop::collection::vec(any_text(), 0..120), at in 0_usize..4) {

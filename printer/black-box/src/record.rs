@@ -1,4 +1,4 @@
-//! A record: what has happened, in bytes.
+//! A record: an event, encoded as bytes.
 //!
 //! | byte | |
 //! |---|---|
@@ -8,7 +8,7 @@
 //! | 6 .. | contents |
 //! | last | check: all bytes before it and this one have the exclusive or 0xa5 |
 
-/// Longest text of a command that is kept, bytes; the rest is cut.
+/// Longest command text that is kept, bytes; the rest is cut.
 pub const MAX_COMMAND_BYTES: usize = 48;
 
 /// Longest other text, bytes; the rest is cut.
@@ -32,7 +32,7 @@ const LAST_WORDS: u8 = 6;
 const CHAMBER: u8 = 7;
 const NOZZLE1: u8 = 8;
 
-/// A heater at one time.
+/// State of a heater at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HeaterSample {
     /// Tenths of a degree Celsius.
@@ -47,7 +47,7 @@ impl HeaterSample {
     /// Converts degrees and a share of full power; values outside the types' ranges become
     /// the nearest end.
     pub fn new(celsius: f32, target_celsius: f32, power: f32) -> Self {
-        // Casts of floats stop at the ends of the range.
+        // Casts from float saturate.
         let tenths = |celsius: f32| (celsius * 10.0) as i16;
         Self { decicelsius: tenths(celsius), target_decicelsius: tenths(target_celsius), power: (power * 255.0) as u8 }
     }
@@ -76,24 +76,24 @@ pub enum Record<'a> {
     },
     /// Nozzle and bed.
     Temperatures([HeaterSample; 2]),
-    /// The chamber, of a machine that knows its temperature.
+    /// The chamber, on a machine that measures its temperature.
     Chamber(HeaterSample),
-    /// The nozzle of a second tool, of a machine that has one.
+    /// The nozzle of a second tool, on a machine that has one.
     Nozzle1(HeaterSample),
     /// A motor's driver has reported something.
     Driver(&'a [u8]),
-    /// The machine was halted, for this reason.
+    /// The machine was halted for this reason.
     Halt(&'a [u8]),
-    /// The chip started again, after this cause. Its time is that of the program before, as
+    /// The chip restarted for this reason. The record's time is that of the previous program, as
     /// far as it is known.
     Reset(&'a [u8]),
-    /// The last words of the program that a panic or a fault has ended.
+    /// Last message of a program that a panic or a fault ended.
     LastWords(&'a [u8]),
 }
 
-/// The bytes of a record but the last.
+/// The bytes of a record except the last.
 pub(crate) struct Parts<'a> {
-    /// All before the text, in the first `length` of these.
+    /// All bytes before the text: the first `length` of these.
     head: [u8; 16],
     length: usize,
     text: &'a [u8],

@@ -136,7 +136,7 @@ proptest! {
         }
     }
 
-    /// Memory that has not outlived the reset: the slots after it only.
+    /// Memory that did not survive the reset: only the slots after it remain.
     #[test]
     fn damaged_slots_are_left_out(mut steps in any_steps(), place: prop::sample::Index) {
         prop_assume!(!steps.slots.is_empty());
@@ -149,7 +149,7 @@ proptest! {
         prop_assert_eq!(contents.slots.map(Some).collect::<Vec<_>>(), steps.slots[place + 1..].to_vec());
     }
 
-    /// A byte that was changed on its way is noticed, and so is one that is missing.
+    /// A byte changed in transit is noticed, and so is a missing one.
     #[test]
     fn damage_is_noticed(steps in any_steps(), place: prop::sample::Index, bits in 1_u8..) {
         let memory = memory(&[]);
@@ -162,7 +162,7 @@ proptest! {
         prop_assert!(Contents::read(&sent).is_err());
     }
 
-    /// Arbitrary bytes with a right checksum are read without a panic.
+    /// Arbitrary bytes with a valid checksum are read without a panic.
     #[test]
     fn anything_can_be_read(begins_well: bool, mut bytes in prop::collection::vec(prop_oneof![Just(0), Just(1), any::<u8>()], 0..400)) {
         if begins_well {
@@ -177,7 +177,7 @@ proptest! {
     }
 }
 
-/// The check value of the CRC's catalogue.
+/// Check value from the CRC catalogue.
 #[test]
 fn the_checksum_is_that_of_its_name() {
     assert_eq!(crate::dump::CRC.checksum(b"123456789"), 0xcbf4_3926);

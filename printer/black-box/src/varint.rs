@@ -1,6 +1,6 @@
-//! Whole numbers in as few bytes as they need: seven bits a byte, the lowest first (LEB128).
+//! Integers in as few bytes as they need: seven bits a byte, the lowest first (LEB128).
 
-/// Hands over the bytes of a number, five at most.
+/// Passes the bytes of a number to `byte`, at most five.
 pub fn put(mut value: u32, mut byte: impl FnMut(u8)) {
     while value >= 0x80 {
         byte(value as u8 | 0x80);
@@ -9,7 +9,7 @@ pub fn put(mut value: u32, mut byte: impl FnMut(u8)) {
     byte(value as u8);
 }
 
-/// Takes a number off; `None` if the bytes end in it, or it has more than 32 bits.
+/// Takes a number off the front; `None` if the bytes end within it or it has more than 32 bits.
 pub fn take(bytes: &mut &[u8]) -> Option<u32> {
     let mut value = 0_u32;
     for shift in (0..35).step_by(7) {
@@ -27,13 +27,13 @@ pub fn take(bytes: &mut &[u8]) -> Option<u32> {
     None
 }
 
-/// Differences, small in both directions, as small numbers (zigzag).
+/// Encodes a difference that is small in either direction as a small number (zigzag).
 pub fn difference(from: u32, to: u32) -> u32 {
     let difference = to.wrapping_sub(from) as i32;
     (difference << 1 ^ difference >> 31) as u32
 }
 
-/// The number that lies that far away.
+/// Number at that encoded difference from another.
 pub fn moved(from: u32, difference: u32) -> u32 {
     from.wrapping_add(difference >> 1 ^ (difference & 1).wrapping_neg())
 }

@@ -15,7 +15,7 @@ const MAX_CLUSTERS: u32 = 0x0FFF_FFF5;
 /// Reason why a block is not the first of a FAT volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoVolume {
-    /// The block does not look like one.
+    /// The block does not look like the first of a volume.
     Foreign,
     /// The block is the first of an exFAT volume.
     ExFat,
@@ -46,7 +46,7 @@ impl Layout {
     /// Reads a volume's first block; the card has `blocks` blocks from there on.
     ///
     /// # Errors
-    /// It is not FAT16 or FAT32, or damaged.
+    /// The volume is not FAT16 or FAT32, or is damaged.
     pub fn read(block: &Block, blocks: u32) -> Result<Self, NoVolume> {
         let byte = |at: usize| u32::from(block.contents.get(at).copied().unwrap_or_default());
         let u16_at = |at: usize| byte(at) | byte(at + 1) << 8;
@@ -84,17 +84,17 @@ impl Layout {
         if is_possible && is_rooted { Ok(layout) } else { Err(NoVolume::Damaged) }
     }
 
-    /// True if it has this cluster.
+    /// True if the volume has this cluster.
     pub fn has(&self, cluster: u32) -> bool {
         cluster.wrapping_sub(FIRST_CLUSTER) < self.clusters
     }
 
-    /// Place of its tables on a card on which it begins at `start`.
+    /// Place of the volume's tables on a card where the volume begins at `start`.
     pub fn tables_at(&self, start: u32) -> Tables {
         Tables { start: start.saturating_add(self.table_start), blocks: self.tables * self.table_blocks }
     }
 
-    /// Length of all its clusters, bytes.
+    /// Length of all clusters, bytes.
     pub fn data_bytes(&self) -> u64 {
         u64::from(self.clusters) * u64::from(self.cluster_blocks) * 512
     }

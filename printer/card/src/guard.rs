@@ -2,8 +2,8 @@
 //!
 //! embedded-sdmmc 0.10 trusts a card: a folder whose chain of clusters is a ring is read endlessly,
 //! half of a surrogate pair in a long name or a cluster number of more than 28 bits panics. The
-//! guard passes every block on. It has a budget of blocks for each task, refuses blocks that the
-//! card does not have, and repairs the entries of folders.
+//! guard passes every block through, within a budget of blocks for each task. It refuses blocks
+//! that the card does not have, and repairs the entries of folders.
 
 use core::cell::Cell;
 
@@ -40,8 +40,8 @@ pub struct Tables {
     pub blocks: u32,
 }
 
-/// The guard of a slot. Where the card has no table of partitions, as some are formatted, it makes
-/// one up: block 0 is that table, and the card's own blocks follow.
+/// Guard of a slot. For a card without a partition table, as some are formatted, it makes one up:
+/// block 0 is that table, and the card's own blocks follow.
 pub struct Guard<S> {
     slot: S,
     budget: Cell<u32>,
@@ -50,17 +50,17 @@ pub struct Guard<S> {
     /// The block after the volume's last one; without a mounted volume, the card's
     /// number of blocks.
     end: Cell<u32>,
-    /// A block after the end was asked for.
+    /// A block after the end was requested.
     passed_end: Cell<bool>,
     is_whole: Cell<bool>,
     /// Reason why a block could not be read or written.
     failed: Cell<Option<CardError>>,
-    /// The block of a file's contents that was read last, or was to be.
+    /// The block of a file's contents that was last read or requested.
     last_data: Cell<u32>,
 }
 
 impl<S: CardSlot> Guard<S> {
-    /// Guards a slot, as yet without any budget.
+    /// Guard of a slot, without any budget yet.
     pub const fn new(slot: S) -> Self {
         Self {
             slot,
@@ -80,7 +80,7 @@ impl<S: CardSlot> Guard<S> {
         &self.slot
     }
 
-    /// Takes note that the volume begins at the card's first block.
+    /// Notes that the volume begins at the card's first block.
     pub fn set_whole(&self) {
         self.is_whole.set(true);
     }
@@ -110,7 +110,7 @@ impl<S: CardSlot> Guard<S> {
         self.failed.take()
     }
 
-    /// The block of a file's contents that was read last, or was to be.
+    /// The block of a file's contents that was last read or requested.
     pub fn last_data(&self) -> BlockIdx {
         BlockIdx(self.last_data.get())
     }
@@ -170,8 +170,8 @@ fn made_up_partitions(block: &mut Block, card_blocks: u32) {
     }
 }
 
-/// Repairs a folder's entries: cluster numbers get 28 bits, and no part of a long name begins
-/// with half a pair.
+/// Repairs a folder's entries: cluster numbers keep 28 bits, and no part of a long name begins with
+/// half a surrogate pair.
 fn mend_folder(block: &mut Block, names_too: bool) {
     for slot in block.contents.as_chunks_mut::<SLOT_BYTES>().0 {
         let is_name = slot.get(ATTRIBUTES).is_some_and(|attributes| attributes & 0x3F == LONG_NAME);

@@ -1,10 +1,10 @@
-//! The place of a print, kept on its card against a power cut: a file of two blocks, which are
+//! The place of a print, kept on its card in case of a power cut: a file of two blocks that are
 //! written in turn.
 //!
-//! A block counts with its checksum only, and the newer of two counts. A block that the cut has
-//! spoilt therefore leaves the one before. Neither the table of clusters nor a folder is written
-//! meanwhile. The place itself are bytes of the printer; here the print's file is added to them, by
-//! which it is known again.
+//! A block counts only if its checksum is right, and the newer of two counts. A block spoilt by a
+//! power cut therefore leaves the previous one in force. Neither the cluster table nor a folder is
+//! written meanwhile. The place itself is bytes from the printer; this module adds the print's
+//! file, by which it is recognised.
 
 use embedded_sdmmc::RawFile;
 use ferrostep_hal_shim::card::{Block, BlockDevice, BlockIdx, CardSlot};
@@ -35,7 +35,7 @@ const PLACE_AT: usize = PATH_AT + SHORT_PATH_BYTES;
 const CRC_AT: usize = Block::LEN - 4;
 const _: () = assert!(PLACE_AT + KEPT_BYTES <= CRC_AT);
 
-/// Places of the file's blocks on the card, and which is the older.
+/// Places of the file's blocks on the card, and which of them is older.
 #[derive(Clone, Copy, Debug)]
 pub struct KeptFile {
     blocks: [BlockIdx; 2],
@@ -52,7 +52,7 @@ impl KeptFile {
         (if self.turn { second } else { first }, self.sequence)
     }
 
-    /// Takes note that the block has been written.
+    /// Notes that the block has been written.
     pub fn has_written(&mut self) {
         self.turn = !self.turn;
         self.sequence = self.sequence.wrapping_add(1);
@@ -100,7 +100,7 @@ pub fn blank(sequence: u32) -> Block {
     compose(sequence, None, &[])
 }
 
-/// The number of a block, and what it keeps. `None`: it is spoilt, or of another version.
+/// Number of a block, and its content; `None` if it is spoilt or of another version.
 fn parse(bytes: &[u8; Block::LEN]) -> Option<(u32, Option<Stored>)> {
     let (body, crc) = bytes.split_last_chunk::<4>()?;
     let number = |at: usize| body.get(at..)?.first_chunk().map(|bytes| u32::from_le_bytes(*bytes));
@@ -120,7 +120,7 @@ fn parse(bytes: &[u8; Block::LEN]) -> Option<(u32, Option<Stored>)> {
     Some((number(8)?, Some(stored).filter(|stored| !stored.place.is_empty())))
 }
 
-/// Finds the file, and what it keeps.
+/// Finds the file and reads its content.
 ///
 /// # Errors
 /// [`CardFailure::NotFound`] without one, [`CardFailure::OtherFile`] if another program has written
@@ -139,7 +139,7 @@ pub fn locate<S: CardSlot>(manager: &Manager<S>, mounted: &Mounted) -> Result<(K
                 failed = Some(CardFailure::OtherFile);
                 break;
             }
-            // The cut may have made it unreadable. It is written next.
+            // The power cut may have made the block unreadable. It is written next.
             Err(failure) => {
                 manager.device(|guard| guard.take_failed());
                 failed = Some(failure);
@@ -160,8 +160,8 @@ pub fn locate<S: CardSlot>(manager: &Manager<S>, mounted: &Mounted) -> Result<(K
     }
 }
 
-/// Reads a block of the file, and makes sure that it is the one that the guard has seen: it will be
-/// written without the table of clusters.
+/// Reads a block of the file and checks that it is the one that the guard saw: it will be written
+/// without the cluster table.
 fn read_at<S: CardSlot>(manager: &Manager<S>, file: RawFile, at: u32, block: &mut Block) -> Result<(), CardFailure> {
     read_block(manager, file, at, &mut block.contents)?;
     manager.device(|guard| {

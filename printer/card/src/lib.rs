@@ -1,8 +1,8 @@
 //! A memory card's files, for a printer: FAT16 and FAT32 through embedded-sdmmc.
 //!
-//! Two sides share a [`Mailbox`]: the printer asks and takes, the [`CardServer`], in the task of
-//! the lowest priority, reads and writes. The card may be damaged or pulled out at any time:
-//! `guard.rs` deals with the first, `source.rs` with the second.
+//! Two sides share a [`Mailbox`]: the printer sends requests and takes results; the [`CardServer`],
+//! in the task of the lowest priority, reads and writes. The card may be damaged or pulled out at
+//! any time: `guard.rs` deals with the first, `source.rs` with the second.
 #![cfg_attr(not(test), no_std)]
 
 mod boot_sector;

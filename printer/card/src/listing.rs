@@ -16,10 +16,10 @@ pub const SHORT_PATH_BYTES: usize = 13 * (MAX_DEPTH + 1);
 pub const LONG_PATH_BYTES: usize = 256;
 /// Bytes of a page: more than the longest line.
 pub const PAGE_BYTES: usize = 512;
-/// Maximum of files in a list: the folders of a damaged card may contain each other.
+/// Maximum number of files in a list: the folders of a damaged card may contain each other.
 const MAX_FILES: u16 = 4096;
-/// Maximum of blocks read for a list; a folder of 1000 files with long names takes 12,000, as every
-/// page looks through it anew.
+/// Maximum number of blocks read for a list; a folder of 1000 files with long names takes 12,000,
+/// because every page scans it anew.
 const MAX_BLOCKS: u32 = 65_536;
 
 /// A path of short names.
@@ -47,7 +47,7 @@ pub struct Cursor {
     /// Entries passed in each folder on the path, from the root on.
     passed: heapless::Vec<u16, { MAX_DEPTH + 1 }>,
     files: u16,
-    /// Blocks that were read for it.
+    /// Blocks read for the list.
     blocks: u32,
 }
 
@@ -61,12 +61,12 @@ enum Step {
     Enter(ShortPath, LongPath),
     /// The folder has ended.
     End,
-    /// The list has its largest number of files.
+    /// The list has reached its maximum number of files.
     Limit,
 }
 
 impl Cursor {
-    /// The beginning.
+    /// Cursor at the beginning.
     pub fn new() -> Self {
         let mut cursor = Self::default();
         // The list has room for nine.
@@ -81,7 +81,7 @@ impl Cursor {
     }
 }
 
-/// Cuts a path's last name.
+/// Removes a path's last name.
 fn truncate_last<const N: usize>(path: &mut heapless::String<N>) {
     let parent = path.strip_suffix('/').unwrap_or(path.as_str());
     path.truncate(parent.rfind('/').map_or(0, |slash| slash + 1));
@@ -110,7 +110,7 @@ fn names(entry: &DirEntry, long: Option<&str>) -> Option<Names> {
         names.long.clear();
         names.long.push_str(&names.short).ok()?;
     }
-    // macOS puts them beside each file.
+    // macOS puts such a file beside each file.
     (!names.long.starts_with('.')).then_some(names)
 }
 
@@ -140,8 +140,7 @@ fn write_line(
     page.write_char('\n')
 }
 
-/// Fills a page with the lines that follow, and moves the cursor; `false` where the list
-/// has ended with it.
+/// Fills a page with the next lines and moves the cursor; `false` if the list ends with this page.
 ///
 /// # Errors
 /// The card cannot be read.

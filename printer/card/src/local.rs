@@ -1,5 +1,5 @@
-//! A card whose task runs whenever the printer looks at the mailbox: for the desk,
-//! which has no tasks.
+//! A card whose task runs whenever the printer accesses the mailbox: for the desk, which has no
+//! tasks.
 
 use core::cell::RefCell;
 

@@ -1,7 +1,7 @@
-//! Requests and answers between printer and card task, and blocks that are read ahead or
+//! Requests and answers between the printer and the card's task, and blocks that were read ahead or
 //! wait to be written.
 //!
-//! No call of the printer waits for the card: it asks, and polls for the answer.
+//! No call of the printer waits for the card: the printer asks, and polls for the answer.
 
 use ferrostep_hal_shim::card::Block;
 
@@ -9,7 +9,7 @@ use crate::failure::CardFailure;
 use crate::kept::Kept;
 use crate::listing::{ListOptions, LongPath, Page, ShortPath};
 
-/// A request of the printer to the card's task.
+/// A request from the printer to the card's task.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Request {
     /// Start the card and look for its volume.
@@ -18,7 +18,7 @@ pub enum Request {
     Release,
     /// The first page of the list of files, and those that follow.
     List(ListOptions, ListFrom),
-    /// Open a file to be printed; whatever was open is closed.
+    /// Open a file for printing; closes any open file.
     Open(LongPath),
     /// Open the file again after a read failed, and continue with it.
     Reopen,
@@ -26,22 +26,22 @@ pub enum Request {
     Seek(u32),
     /// Close the file.
     Close,
-    /// Create a file to be written, in place of one that has its name.
+    /// Create a file for writing, replacing one of the same name.
     Create(LongPath),
-    /// Write what waits and close the file.
+    /// Write buffered data and close the file.
     Finish,
     /// Delete a file.
     Delete(LongPath),
     /// The path's long names.
     LongPath(LongPath),
-    /// Have a file on the card that keeps the place of the print whose file is open; `fresh`: it
-    /// begins, and an older print's place is forgotten.
+    /// Prepare a file on the card to keep the place of the print whose file is open; `fresh`: the
+    /// print begins, and an older print's place is forgotten.
     BeginKeeping {
         /// The print begins.
         fresh: bool,
     },
     /// Open the file of the print whose place is kept ([`Mailbox::kept`]); the page is its path,
-    /// even if it cannot be opened.
+    /// even if the file cannot be opened.
     OpenKept,
 }
 
@@ -50,11 +50,11 @@ pub enum Request {
 pub enum ListFrom {
     /// The first.
     Start,
-    /// The one after the last that was asked for.
+    /// The page after the last requested one.
     Next,
 }
 
-/// The file that was opened last to be printed.
+/// The file last opened for printing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OpenedFile {
     /// Path of short names, with a slash before each.
@@ -68,16 +68,16 @@ pub struct OpenedFile {
 /// An answer of the card's task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
-    /// The task is done.
+    /// The request is done.
     Done,
-    /// The mailbox has a page of the list, or the path of long names; whether more pages follow.
+    /// The mailbox has a page of the list, or the path of long names.
     Page {
         /// True if more pages follow.
         more: bool,
     },
 }
 
-/// The result of taking bytes of the file that is read.
+/// Result of taking bytes of the file being read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Taken {
     /// Number of bytes that were read.
@@ -90,27 +90,27 @@ pub enum Taken {
     Failed(CardFailure),
 }
 
-/// The result of putting bytes to be written.
+/// Result of putting bytes into the file being written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Put {
     /// Number of bytes that were taken.
     Bytes(usize),
     /// The card's task is at work.
     Wait,
-    /// An earlier one could not be written.
+    /// Earlier bytes could not be written.
     Failed(CardFailure),
 }
 
-/// The file that is open, as far as the mailbox knows.
+/// State of the open file, as far as the mailbox knows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Stream {
     /// No file is open.
     Closed,
     /// Blocks are read ahead.
     Reading,
-    /// All was read.
+    /// Everything was read.
     Ended,
-    /// Blocks that are full are written.
+    /// Full blocks are written.
     Writing,
     /// The card has failed.
     Failed(CardFailure),
@@ -140,12 +140,12 @@ pub struct Mailbox {
     page: Page,
     opened: Option<OpenedFile>,
     stream: Stream,
-    /// The one that is used now, then the other.
+    /// The buffer in use, then the other.
     buffers: [Buffer; 2],
     /// Place in the file of the next byte to be taken or put.
     position: u32,
     kept: Kept,
-    /// The place before [`Self::kept`], if that is not to be relied on yet.
+    /// The previous value of [`Self::kept`], while the present one is not reliable yet.
     aside: Kept,
     /// [`Self::kept`] must be written.
     keeps: bool,
@@ -177,67 +177,67 @@ impl Mailbox {
         }
     }
 
-    /// Place of a print, as the printer writes it: the one read last, or to be written.
-    /// Empty without one.
+    /// Place of a print, as the printer writes it: the one last read, or to be written. Empty
+    /// without one.
     pub fn kept(&self) -> &Kept {
         &self.kept
     }
 
-    /// Mutable access to it. It is written with [`Self::keep`] only.
+    /// Mutable access to the place. Only [`Self::keep`] has it written.
     pub fn kept_mut(&mut self) -> &mut Kept {
         &mut self.kept
     }
 
-    /// Keeps the place aside, before it becomes another that may have to be taken back.
+    /// Saves the place before it becomes another that may have to be taken back.
     pub fn set_aside(&mut self) {
         self.aside.clone_from(&self.kept);
     }
 
-    /// Takes back the place that was put aside; `false`: no place was.
+    /// Restores the saved place; `false` if none was saved.
     pub fn take_aside(&mut self) -> bool {
         core::mem::swap(&mut self.kept, &mut self.aside);
         self.aside.clear();
         !self.kept.is_empty()
     }
 
-    /// Lets the card's task write the place. It never waits: until then the card
-    /// keeps the one before.
+    /// Asks the card's task to write the place. Never waits: until then the card keeps the previous
+    /// one.
     pub fn keep(&mut self) {
         self.keeps = true;
     }
 
-    /// True while a place is still to be written: the next must wait.
+    /// True while a place is still to be written; the next must wait.
     pub fn is_keeping(&self) -> bool {
         self.keeps
     }
 
-    /// Takes why the place could not be written. No other is written until
+    /// Takes the reason why the place could not be written. No other place is written until
     /// [`Request::BeginKeeping`].
     pub fn take_keep_failure(&mut self) -> Option<CardFailure> {
         self.keep_failure.take()
     }
 
-    /// Takes note that the card's task writes the place now.
+    /// Notes that the card's task is writing the place now.
     pub(crate) fn has_taken_kept(&mut self) {
         self.keeps = false;
     }
 
-    /// Takes note that the place could not be written.
+    /// Notes that the place could not be written.
     pub(crate) fn fail_keeping(&mut self, failure: CardFailure) {
         self.keep_failure = Some(failure);
     }
 
-    /// Asks the card's task, which has answered everything before.
+    /// Sends a request to the card's task, which must have answered every earlier one.
     pub fn ask(&mut self, request: Request) {
         (self.request, self.answer) = (Some(request), None);
     }
 
-    /// The answer, once it is there.
+    /// Takes the answer, once it is there.
     pub fn take_answer(&mut self) -> Option<Result<Answer, CardFailure>> {
         self.answer.take()
     }
 
-    /// The file that was opened last to be printed, until another one is or it is closed.
+    /// The file last opened for printing, until another one is opened or it is closed.
     pub fn opened(&self) -> Option<&OpenedFile> {
         self.opened.as_ref()
     }
@@ -246,17 +246,17 @@ impl Mailbox {
         self.opened = opened;
     }
 
-    /// The page of the list that was asked for last, or the path of long names.
+    /// The last requested page of the list, or the path of long names.
     pub fn page(&self) -> &str {
         &self.page
     }
 
-    /// Place in the file of the next byte that [`Self::take`] gives.
+    /// Place in the file of the next byte that [`Self::take`] returns.
     pub fn position(&self) -> u32 {
         self.position
     }
 
-    /// Takes bytes of the file that is read, in order.
+    /// Takes bytes of the file being read, in order.
     pub fn take(&mut self, out: &mut [u8]) -> Taken {
         let [first, second] = &mut self.buffers;
         let rest = first.bytes.get(first.taken..first.filled).unwrap_or_default();
@@ -279,7 +279,7 @@ impl Mailbox {
         Taken::Bytes(length)
     }
 
-    /// Hands over bytes of the file that is written.
+    /// Adds bytes to the file being written.
     pub fn put(&mut self, bytes: &[u8]) -> Put {
         match self.stream {
             Stream::Writing => {}
@@ -299,7 +299,7 @@ impl Mailbox {
         Put::Bytes(length)
     }
 
-    /// True if the card's task has something to do.
+    /// True if the card's task has work.
     pub fn has_work(&self) -> bool {
         self.request.is_some() || self.wants_block() || self.is_block_full() || self.keeps
     }
@@ -316,7 +316,7 @@ impl Mailbox {
         &mut self.page
     }
 
-    /// Begins a file at a place; both blocks are empty.
+    /// Starts a file at a place; both buffers are empty.
     pub(crate) fn begin(&mut self, stream: Stream, position: u32) {
         self.buffers.iter_mut().for_each(Buffer::clear);
         (self.stream, self.position) = (stream, position);
@@ -327,12 +327,12 @@ impl Mailbox {
         self.stream = Stream::Reading;
     }
 
-    /// True if there is room for a block that is read.
+    /// True if there is room to read another block.
     pub(crate) fn wants_block(&self) -> bool {
         self.stream == Stream::Reading && self.buffers.iter().any(|buffer| buffer.filled == 0)
     }
 
-    /// Takes over the block that was read; an empty one is the end.
+    /// Takes a block that was read; an empty one marks the end of the file.
     pub(crate) fn fill(&mut self, block: &[u8]) {
         if self.stream != Stream::Reading {
             return;
@@ -356,8 +356,8 @@ impl Mailbox {
         self.stream == Stream::Writing && first.filled == Block::LEN
     }
 
-    /// Copies the block that is to be written next and returns its length. `all`: also one
-    /// that is not full.
+    /// Copies the next block to be written and returns its length. `all`: even one that is not
+    /// full.
     pub(crate) fn take_block(&mut self, out: &mut [u8; Block::LEN], all: bool) -> usize {
         let [first, second] = &mut self.buffers;
         if self.stream != Stream::Writing || first.filled < if all { 1 } else { Block::LEN } {

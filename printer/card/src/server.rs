@@ -1,4 +1,4 @@
-//! The card's task: does what the mailbox asks, reads ahead, writes what waits.
+//! The card's task: fulfils the mailbox's requests, reads ahead, writes buffered blocks.
 
 use embedded_sdmmc::{Mode, RawFile};
 use ferrostep_hal_shim::card::{Block, BlockDevice, CardSlot};
@@ -12,17 +12,17 @@ use crate::source::{Source, open};
 use crate::tables::{first_cluster, free_chain};
 use crate::volume::{Manager, Mounted, NoClock, close, find, mount, open_folder, split_file};
 
-/// embedded-sdmmc counts its handles from here.
+/// First number of embedded-sdmmc's handles.
 const FIRST_HANDLE: u32 = 1;
 /// Number of further attempts to read a block, each after a new start of the card.
 const RETRIES: u32 = 2;
 
-/// File that is open.
+/// The open file.
 #[derive(Debug)]
 enum Open {
     Nothing,
     Reading(RawFile, Source),
-    /// The card has failed while this was read.
+    /// The card failed while this file was read.
     Lost(Source),
     Writing(RawFile),
 }
@@ -39,7 +39,7 @@ pub struct CardServer<S: CardSlot> {
 }
 
 impl<S: CardSlot> CardServer<S> {
-    /// A server of a slot; no card is mounted yet.
+    /// Server of a slot; no card is mounted yet.
     pub fn new(slot: S) -> Self {
         let manager = Manager::new_with_limits(Guard::new(slot), NoClock, FIRST_HANDLE);
         Self { manager, mounted: None, open: Open::Nothing, cursor: Cursor::new(), kept: None }
@@ -63,8 +63,8 @@ impl<S: CardSlot> CardServer<S> {
         self.read_ahead(mailbox) || self.keep(mailbox) || self.write_behind(mailbox, false).unwrap_or(true)
     }
 
-    /// The answer, unless a block could not be read that it needed, and embedded-sdmmc
-    /// went on without.
+    /// Returns the answer, unless a block that it needed could not be read and embedded-sdmmc
+    /// continued without it.
     fn checked(
         &mut self,
         answer: Result<Answer, CardFailure>,
@@ -186,7 +186,7 @@ impl<S: CardSlot> CardServer<S> {
         self.manager.device(|guard| guard.begin(Purpose::Data, mounted.budget()));
         let mut outcome = source.read(&self.manager, *file, &mut block);
         for _ in 0..RETRIES {
-            // Even the same card, put in again, must be checked first: it may hold another file.
+            // Even the same card, inserted again, must be checked first: it may hold another file.
             let may_retry = outcome.is_err() && self.manager.device(|guard| guard.slot().is_still_started());
             if may_retry {
                 self.manager.device(|guard| guard.begin(Purpose::Data, mounted.budget()));
@@ -231,7 +231,7 @@ impl<S: CardSlot> CardServer<S> {
         Err(failure)
     }
 
-    /// Writes what waits and closes the file.
+    /// Writes buffered blocks and closes the file.
     fn finish(&mut self, mailbox: &mut impl SharedMailbox) -> Result<Answer, CardFailure> {
         while self.write_behind(mailbox, true)? {}
         if matches!(self.open, Open::Writing(_)) {
@@ -241,7 +241,7 @@ impl<S: CardSlot> CardServer<S> {
         Ok(Answer::Done)
     }
 
-    /// Closes the file that is written.
+    /// Closes the file being written.
     fn close_written(&mut self) -> Result<(), CardFailure> {
         let Open::Writing(file) = self.open else { return Ok(()) };
         self.open = Open::Nothing;
@@ -250,7 +250,7 @@ impl<S: CardSlot> CardServer<S> {
         Ok(self.manager.close_file(file)?)
     }
 
-    /// Closes the file that is open, if any.
+    /// Closes the open file, if any.
     fn close(&mut self, mailbox: &mut impl SharedMailbox) {
         // The file is given up: a failure to close it changes nothing.
         let _ = self.finish(mailbox);
@@ -307,7 +307,7 @@ impl<S: CardSlot> CardServer<S> {
         Ok(Answer::Done)
     }
 
-    /// Writes the place of a print that waits to be kept; returns `false` if there was none.
+    /// Writes the pending place of a print; returns `false` if none is pending.
     fn keep(&mut self, mailbox: &mut impl SharedMailbox) -> bool {
         if !mailbox.with(|mailbox| mailbox.is_keeping()) {
             return false;
@@ -463,7 +463,7 @@ impl<S: CardSlot> CardServer<S> {
     }
 }
 
-/// True if a file can be created under this name: embedded-sdmmc writes no long ones.
+/// True if a file can be created under this name: embedded-sdmmc writes no long names.
 fn is_short_name(name: &str) -> bool {
     !name.starts_with('.') && !name.ends_with('.') && name.is_ascii()
 }

@@ -1,4 +1,4 @@
-//! The file that is printed: read block by block, and found again after its card was pulled out.
+//! The file being printed: read block by block, and recognised after its card was pulled out.
 
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use embedded_sdmmc::{Mode, RawFile};
@@ -27,7 +27,7 @@ pub struct Source {
 }
 
 impl Source {
-    /// A file at its beginning.
+    /// Source at the beginning of a file.
     pub fn new(path: ShortPath, size: u32) -> Self {
         Self { path, size, offset: 0, first_crc: None, last: None }
     }
@@ -37,8 +37,8 @@ impl Source {
         self.first_crc.map(|crc| (&self.path, self.size, crc))
     }
 
-    /// Length of the file, and the CRC of its first block, which is read if it was not yet: they
-    /// identify the file after a reset.
+    /// Length of the file, and the CRC of its first block, which is read if it has not been yet:
+    /// they identify the file after a reset.
     ///
     /// # Errors
     /// The card cannot be read.
@@ -136,7 +136,7 @@ pub fn read_block<S: CardSlot>(
     Ok(manager.read(file, out)?)
 }
 
-/// Opens a file to be read: the file and its length.
+/// Opens a file for reading; returns the file and its length.
 ///
 /// # Errors
 /// The file is missing, or longer than the card.

@@ -14,11 +14,11 @@ use crate::short_name::short_name;
 
 /// A long name has at most 255 characters of at most 3 bytes.
 pub const LONG_NAME_BYTES: usize = 768;
-/// Folders within folders, at most.
+/// Maximum depth of nested folders.
 pub const MAX_DEPTH: usize = 8;
 /// Blocks of folders that one task may read: 65,536 entries.
 const FOLDER_BLOCKS: u32 = 4096;
-/// Folders that are open at a time: one, and the next on the path.
+/// Folders open at once: one, and the next on the path.
 const OPEN_FOLDERS: usize = 2;
 
 /// A board has no real-time clock: files get the first day of FAT.
@@ -30,8 +30,7 @@ impl TimeSource for NoClock {
     }
 }
 
-/// Files that are open at a time: the one that is printed or written, and for a moment the one that
-/// keeps its place.
+/// Files open at once: the one being printed or written, and briefly the one that keeps its place.
 const OPEN_FILES: usize = 2;
 
 /// embedded-sdmmc's volumes.
@@ -44,14 +43,14 @@ pub struct Mounted {
     pub volume: RawVolume,
     /// Layout of the volume.
     pub layout: Layout,
-    /// The block at which it begins.
+    /// The block at which the volume begins.
     pub start: u32,
 }
 
 impl Mounted {
     /// Blocks that one task may read or write.
     pub fn budget(&self) -> u32 {
-        // An allocation looks through a whole table twice, and both tables are written.
+        // An allocation scans a whole table twice, and both tables are written.
         self.layout.table_blocks.saturating_mul(4).saturating_add(FOLDER_BLOCKS)
     }
 }

@@ -1,4 +1,4 @@
-//! Images that other programs have made, and a printer's side of the mailbox.
+//! Images made by other programs, and a printer's side of the mailbox.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::io::Read;
@@ -51,7 +51,7 @@ pub fn list(card: &Card, options: ListOptions) -> Result<Vec<String>, CardFailur
     }
 }
 
-/// The file that is open.
+/// The open file.
 pub fn opened(card: &Card) -> OpenedFile {
     let mut opened = None;
     card.with(&mut |mailbox| opened = mailbox.opened().cloned());

@@ -55,7 +55,7 @@ fn use_everything(card: &Card) {
     }
 }
 
-/// Blocks of an image that hold anything, but for the contents of files: damage to them does most.
+/// Blocks of an image that hold anything except file contents: damage to them does most harm.
 fn structures(image: &[u8], whole: bool) -> Vec<usize> {
     let start = if whole { 0 } else { 2048 };
     (0..image.len() / 512)
@@ -227,7 +227,7 @@ fn damaged_data_and_bad_blocks_end_a_task() {
     }
 }
 
-/// A list is whole, or says that a block could not be read; and a file that is there is not taken
+/// A list is complete, or reports a block that could not be read; and an existing file is not taken
 /// for missing. embedded-sdmmc takes a chain of clusters whose next number cannot be read for one
 /// that ends there.
 #[test]

@@ -1,4 +1,4 @@
-//! Cards that mkfs.fat and mtools have written are read as mtools reads them. The other way round:
+//! Cards written by mkfs.fat and mtools are read as mtools reads them. For the other direction see
 //! `tests/outside`.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 

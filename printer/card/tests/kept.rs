@@ -102,9 +102,9 @@ fn another_file_is_not_gone_on_with() {
     assert_eq!(ask(&card, Request::OpenKept), Err(CardFailure::OtherFile));
 }
 
-/// A cut at every byte of a block that is being written, over many saves. What follows the cut is
-/// the old block, noise, or nothing that can be read. A run tries a share of the bytes; before the
-/// first and after the last byte the power always goes.
+/// A cut at every byte of a block that is being written, over many saves. After the cut come the
+/// old block, noise, or nothing readable. A run tries a share of the bytes; cuts before the first
+/// and after the last byte are always tried.
 #[test]
 fn a_cut_at_any_byte_of_a_save_leaves_the_old_place_or_the_new_one() {
     const SAVES: u64 = 100;
@@ -145,7 +145,7 @@ fn a_cut_at_any_byte_of_a_save_leaves_the_old_place_or_the_new_one() {
         assert_eq!(kept(&card).unwrap(), old, "save {save}: unreadable");
         cuts += 1;
         card.with_slot(|slot| slot.set_fault(None));
-        // The next save begins after a cut: with the block that is spoilt.
+        // The next save begins after a cut, with the spoilt block.
         card.with_slot(|slot| slot.with_image(|image| image[block.clone()].fill(0xFF)));
         ask(&card, Request::Open(path(FILE))).unwrap();
         ask(&card, Request::BeginKeeping { fresh: false }).unwrap();

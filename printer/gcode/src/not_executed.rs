@@ -149,7 +149,7 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown(g(61), "G61", "return to the noted position", "the nozzle stays; write G0 with the place"),
     unknown(g(64), "G64", "rounding of corners", "corners follow M205 J"),
     refused(g(68), "G68", "rotated coordinates", "the part would lie elsewhere; turn it in the slicer"),
-    unknown(g(76), "G76", "calibrate the probe's temperature", "the probe has none"),
+    unknown(g(76), "G76", "calibrate the probe's temperature", "its readings have no correction by temperature"),
     unknown((b'G', 81, 82), "G81 and G82", "report the bed's mesh", "M420 V reports it"),
     refused(g(93), "G93", "feeds as moves a minute", "every feed would be wrong; write feeds per minute (G94)"),
     refused(g(95), "G95", "feeds for each turn", "every feed would be wrong; write feeds per minute (G94)"),

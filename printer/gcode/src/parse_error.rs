@@ -109,6 +109,8 @@ pub enum ParseError {
         /// The words, such as `P or S`.
         words: &'static str,
     },
+    /// A line of coordinates alone, with which other machines repeat the last G0 to G3.
+    BareCoordinate,
     /// A word that the command does not have, where one is missing.
     UnknownWord {
         /// The command.
@@ -164,14 +166,15 @@ impl fmt::Display for ParseError {
             ParseError::WordsExpected { command, words } => {
                 write!(formatter, "{command}: expected {words}")
             }
+            ParseError::BareCoordinate => formatter.write_str("a coordinate without a command: write G1 before it"),
             ParseError::UnknownWord { command, word, words } => {
                 write!(formatter, "{command}: unknown word \"{word}\", expected {words}")
             }
             ParseError::UnknownParameter { command, word, known: "" } => {
-                write!(formatter, "{command}: unknown word \"{word}\", the macro has none")
+                write!(formatter, "{command}: unknown word \"{word}\": the macro takes no words")
             }
             ParseError::UnknownParameter { command, word, known } => {
-                write!(formatter, "{command}: unknown word \"{word}\", expected some of {known}")
+                write!(formatter, "{command}: unknown word \"{word}\", expected one or more of {known}")
             }
             ParseError::NotSupported { command, why } => write!(formatter, "{command}: not supported, {why}"),
         }

@@ -85,10 +85,7 @@ pub fn parse_with_remarks<'a>(text: &'a str, remarks: &mut Remarks) -> Result<Co
             Ok(Command::SelectTool { tool: None, stays: false })
         }
         b'X' | b'Y' | b'Z' | b'E' if has_number || matches!(bytes.get(at), Some(b'-' | b'+' | b'.')) => {
-            Err(ParseError::NotSupported {
-                command: BARE_COORDINATE,
-                why: "the move would be missing; write G1 before it",
-            })
+            Err(ParseError::BareCoordinate)
         }
         _ => named::parse(&code, remarks),
     }
@@ -97,10 +94,6 @@ pub fn parse_with_remarks<'a>(text: &'a str, remarks: &mut Remarks) -> Result<Co
 /// Highest number of a tool; higher ones are orders to some printers: T255 and T1000 of
 /// Bambu's, T65535.
 const LAST_TOOL: u32 = 99;
-
-/// Name in errors for a line of coordinates alone, with which other machines repeat
-/// the last G0 to G3.
-const BARE_COORDINATE: &str = "a coordinate without a command";
 
 /// A line that begins with something other than a letter.
 #[cold]

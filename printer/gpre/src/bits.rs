@@ -1,12 +1,12 @@
-//! Bits, the most significant first, and numbers in few of them.
+//! Bit streams, most significant bit first, and short codes for numbers.
 
 use crate::error::Fault;
 
-/// Reads bits. The codes of moves are inlined, rare ones are not: flash is short.
+/// Reads bits. Only the codes of moves are inlined, to save flash.
 #[derive(Clone, Copy, Debug)]
 pub struct BitReader<'a> {
     bytes: &'a [u8],
-    /// The next bit.
+    /// Position of the next bit.
     position: usize,
 }
 
@@ -16,12 +16,12 @@ const OVER: Fault = Fault::Content("the end of the frame after its last item");
 /// The number of bits that [`BitReader::window`] always shows.
 const WINDOW_BITS: u32 = 25;
 
-/// The order of an exponential Golomb code, as reading wants it.
+/// Order of an exponential Golomb code, in the form the reader uses.
 #[derive(Clone, Copy, Debug)]
 pub struct Order {
-    /// The order and one: length of the shortest code.
+    /// Order plus one: the length of the shortest code, bits.
     shortest: u32,
-    /// The difference between the code's bits and the number.
+    /// Difference between the code, read as a number, and the number that it encodes.
     base: u32,
 }
 
@@ -37,7 +37,7 @@ impl Order {
     }
 }
 
-/// The next bits, the most significant first, and how many of them are there for certain.
+/// The next bits, most significant first, and how many of them certainly exist.
 #[derive(Clone, Copy, Debug)]
 pub struct Window {
     bits: u32,
@@ -59,22 +59,22 @@ impl Window {
 }
 
 impl<'a> BitReader<'a> {
-    /// Reader from the first bit on.
+    /// Reader that starts at the first bit.
     pub fn new(bytes: &'a [u8]) -> Self {
         Self { bytes, position: 0 }
     }
 
-    /// The next bit's place.
+    /// Position of the next bit.
     pub fn position(&self) -> usize {
         self.position
     }
 
-    /// Reader of the same bits from another place on.
+    /// Reader of the same bits that starts at another position.
     pub fn at(&self, position: usize) -> Self {
         Self { bytes: self.bytes, position }
     }
 
-    /// Goes where another reader of the same bits is.
+    /// Moves to the position of another reader of the same bits.
     #[inline(always)]
     pub fn go_to(&mut self, other: Self) {
         self.position = other.position;
@@ -96,20 +96,20 @@ impl<'a> BitReader<'a> {
         Window { bits: word << (self.position % 8), valid: WINDOW_BITS }
     }
 
-    /// Passes some bits, at most 64, which may be missing: [`Self::checked`] reports it.
+    /// Skips some bits, at most 64, which may be missing: [`Self::checked`] reports that.
     #[inline(always)]
     pub fn pass_unchecked(&mut self, count: u32) {
         // A frame has 2048 bytes at most, and slices are far from 2^29.
         self.position = self.position.wrapping_add(count as usize);
     }
 
-    /// An error if bits were passed that are missing.
+    /// Returns an error if the reader has passed the end of the bits.
     #[inline(always)]
     pub fn checked(&self) -> Result<(), Fault> {
         if self.position > self.bytes.len().wrapping_mul(8) { Err(OVER) } else { Ok(()) }
     }
 
-    /// Passes some bits, at most 64.
+    /// Skips some bits, at most 64.
     pub fn pass(&mut self, count: u32) -> Result<(), Fault> {
         self.pass_unchecked(count);
         self.checked()
@@ -163,7 +163,7 @@ impl<'a> BitReader<'a> {
             return None;
         }
         self.pass_unchecked(length);
-        // The zeros before it change no number.
+        // Leading zeros do not change the value.
         Some(window.first(length).wrapping_sub(order.base))
     }
 
@@ -214,7 +214,7 @@ fn with_sign(coded: u32) -> i32 {
     (coded >> 1) as i32 ^ ((coded & 1) as i32).wrapping_neg()
 }
 
-/// A window where fewer than four bytes are left.
+/// Window near the end, where fewer than four bytes are left.
 #[cold]
 #[inline(never)]
 fn window_at_end(bytes: &[u8], first: usize) -> u32 {

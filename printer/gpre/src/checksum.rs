@@ -1,7 +1,7 @@
 //! The checksum of headers, frames and transfers.
 
-/// [`CRC`] of bytes that are all there: three instructions a byte, a word at a time, where the
-/// crate's loop has eight.
+/// [`CRC`] of a whole slice: a word at a time, three instructions a byte, where the crate's loop
+/// takes eight.
 pub(crate) fn checksum(bytes: &[u8]) -> u32 {
     let [table] = CRC.table();
     let next = |sum: u32| table[(sum & 0xff) as usize] ^ (sum >> 8);
@@ -10,7 +10,7 @@ pub(crate) fn checksum(bytes: &[u8]) -> u32 {
     !rest.iter().fold(sum, |sum, byte| next(sum ^ u32::from(*byte)))
 }
 
-/// CRC-32 as Ethernet, gzip and PNG have it.
+/// CRC-32 as in Ethernet, gzip and PNG.
 pub(crate) static CRC: crc::Crc<u32, crc::Table<1>> = crc::Crc::<u32, crc::Table<1>>::new(&crc::CRC_32_ISO_HDLC);
 
 #[cfg(test)]

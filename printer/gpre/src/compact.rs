@@ -1,7 +1,7 @@
 //! The compact encoding: frames of bits.
 //!
-//! A frame is self-contained: it holds the machine's place at its start and the settings in force,
-//! so a job can be entered at any frame that says so.
+//! A frame is self-contained: it holds the machine's position at its start and the settings in
+//! force, so a job can be entered at any frame marked as an entry.
 //!
 //! | byte | type | meaning |
 //! |---|---|---|

@@ -1,4 +1,4 @@
-//! The faults of a file, and where they are.
+//! Faults of a file and their places.
 
 use core::fmt;
 
@@ -13,7 +13,7 @@ pub enum Fault {
     NewerVersion {
         /// The file's version.
         version: u16,
-        /// The newest that is read here.
+        /// The newest version that this reader supports.
         newest: u16,
     },
     /// The file is in an encoding that does not exist.
@@ -34,10 +34,10 @@ pub enum Fault {
     OtherPlanner {
         /// Version in the file.
         file: u32,
-        /// Version of the machine's.
+        /// Version of the machine's planner.
         machine: u32,
     },
-    /// The file ends here, in the middle of something.
+    /// The file ends in the middle of a part.
     Truncated,
     /// Bytes follow the last frame.
     Trailing,
@@ -52,24 +52,27 @@ pub enum Fault {
     Checksum {
         /// Checksum in the file.
         file: u32,
-        /// Checksum of its bytes.
+        /// Checksum computed from the bytes.
         computed: u32,
     },
-    /// The frames are not in their order.
+    /// The frames are out of order.
     Sequence {
         /// Number in the file.
         number: u32,
         /// The number expected.
         expected: u32,
     },
-    /// The content of a frame has no meaning; the text says what was expected.
+    /// The content of a frame is invalid; the text says what was expected.
     Content(&'static str),
 }
+
+/// Remedy for a file with wrong bytes.
+const AGAIN: &str = ": copy the file, or prepare the job, again";
 
 impl fmt::Display for Fault {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Magic => write!(out, "not a GPRE file (wrong magic number)"),
+            Self::Magic => write!(out, "not a prepared job: its first bytes are not those of GPRE"),
             Self::NewerVersion { version, newest } => {
                 write!(out, "written in version {version} of the format, expected at most {newest}")
             }
@@ -88,21 +91,17 @@ impl fmt::Display for Fault {
                 out,
                 "planned by version {file} of the planner, expected version {machine}: prepare the job again"
             ),
-            Self::Truncated => write!(out, "the file ends too early, expected more bytes"),
-            Self::Trailing => write!(out, "more bytes after the last frame, expected the end of the file"),
-            Self::NoFrame => {
-                write!(out, "no frame begins here (wrong mark): the file is damaged, prepare or copy it again")
-            }
-            Self::Length { length } => {
-                write!(out, "a length of {length} bytes is impossible: the file is damaged, prepare or copy it again")
-            }
+            Self::Truncated => write!(out, "the file is cut short{AGAIN}"),
+            Self::Trailing => write!(out, "bytes follow the last frame{AGAIN}"),
+            Self::NoFrame => write!(out, "damaged: no frame begins here{AGAIN}"),
+            Self::Length { length } => write!(out, "damaged: no part of a file has {length} bytes{AGAIN}"),
             Self::Checksum { file, computed } => {
-                write!(out, "bits have changed: the checksum is {file:08x}, expected {computed:08x}")
+                write!(out, "damaged: its checksum is {file:08x}, that of its bytes {computed:08x}{AGAIN}")
             }
             Self::Sequence { number, expected } => {
-                write!(out, "frames out of order: this is number {number}, expected number {expected}")
+                write!(out, "frames out of order: this is number {number}, expected number {expected}{AGAIN}")
             }
-            Self::Content(expected) => write!(out, "meaningless content, expected {expected}"),
+            Self::Content(expected) => write!(out, "unreadable content, expected {expected}{AGAIN}"),
         }
     }
 }
@@ -112,7 +111,7 @@ impl fmt::Display for Fault {
 pub struct ReadError {
     /// The fault.
     pub fault: Fault,
-    /// Byte in the file at which the part begins that is wrong.
+    /// Offset of the faulty part in the file, bytes.
     pub offset: u64,
     /// Number of the frame, from 0; `None` before the first.
     pub frame: Option<u32>,

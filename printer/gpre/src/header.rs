@@ -92,7 +92,7 @@ pub struct Header {
     pub motion_ms: u64,
     /// Net filament, units of 0.1 nm.
     pub filament_100pm: i64,
-    /// Layers, by the slicer's comments.
+    /// Number of layers, by the slicer's comments.
     pub layers: u32,
     /// The thumbnail, if the slicer wrote one.
     pub thumbnail: Option<Thumbnail>,
@@ -239,7 +239,7 @@ impl HeaderCheck {
         Self { digest: CRC.digest() }
     }
 
-    /// Bytes of the header pass: all but the last four.
+    /// Takes bytes of the header, in order: all except the last four.
     pub fn pass(&mut self, bytes: &[u8]) {
         self.digest.update(bytes);
     }

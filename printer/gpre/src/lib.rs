@@ -1,9 +1,9 @@
 //! GPRE: jobs that were planned on the computer and are executed by the board (Yu 2019).
 //!
 //! The [`compact`] encoding spends about five bytes on a move; the paper's own, 84 bytes a move, is
-//! in the papers' crate and has the same [`header`]. The reader does not trust the file: what is
-//! not well-formed is an error that says where, and what is well-formed still says only what shall
-//! be done, not that the machine may do it.
+//! in the papers' crate and has the same [`header`]. The reader does not trust the file: malformed
+//! content is an error that says where, and well-formed content only says what to do, not that the
+//! machine may do it.
 //!
 //! The reader has no heap, no panics and no unsafe code. The writer (feature `write`) is
 //! for the computer.

@@ -11,7 +11,7 @@ pub enum Part {
     More,
     /// Number of bytes of the header, which the caller may drop.
     Passed(usize),
-    /// The last bytes of the header, this many, and what it says. Its checksum is right.
+    /// The last bytes of the header, this many, and the header itself. Its checksum is right.
     Header(usize, Header),
     /// A whole frame, to be read by [`crate::compact::Frame::read`].
     Frame {
@@ -22,7 +22,7 @@ pub enum Part {
         /// Offset of its start in the file.
         offset: u64,
     },
-    /// The end of the file, where it should be.
+    /// The file ends here, as it should.
     End,
 }
 
@@ -40,8 +40,8 @@ impl Parts {
         Self { offset: 0, header: None, check: HeaderCheck::new(), next: 0 }
     }
 
-    /// The part at the start of `bytes`, which begin where the part before ended. `complete`: no
-    /// more bytes follow. A part that is returned is passed.
+    /// Identifies the part at the start of `bytes`, which begin where the previous part ended.
+    /// `complete`: no more bytes follow. A returned part counts as passed.
     ///
     /// # Errors
     /// A malformed part, or a file that ends too early.

@@ -1,4 +1,4 @@
-//! Frames: what is written is what is read, and what is not well-formed is refused.
+//! Frames: what is written is read back, and malformed frames are rejected.
 #![allow(clippy::unwrap_used)]
 
 use ferrostep_gpre::compact::{Decoder, Frame, FrameWriter, HEAD_BYTES, MAX_FRAME_BYTES, frame_length};
@@ -146,7 +146,7 @@ proptest! {
         prop_assert_eq!(decoded(&written(&job)), job);
     }
 
-    /// Frames can be read from any frame on, without those before it.
+    /// Frames can be read from any frame on, without the earlier ones.
     #[test]
     fn frames_stand_for_themselves(job in job()) {
         let bytes = written(&job);
@@ -191,7 +191,7 @@ proptest! {
         }
     }
 
-    /// Random content with a right checksum ends, in an item or an error, within its bits.
+    /// Random content with a valid checksum ends in an item or an error, within its bits.
     #[test]
     fn any_content_ends(payload in proptest::collection::vec(any::<u8>(), 0..600)) {
         let bytes = framed(&payload);
@@ -206,7 +206,7 @@ proptest! {
     }
 }
 
-/// Moves without way or filament have no bits but those of their shape and speed.
+/// Moves without path or filament have no bits beyond those of their shape and speed.
 #[test]
 fn moves_that_are_nothing_end_with_the_bits() {
     for filament_100pm in [0, 100] {

@@ -1,6 +1,6 @@
-//! Frames whose checksum is right and whose content has no meaning: each is refused with what was
-//! expected, and what is just right is read. The frames are written here, bit by bit, by the
-//! format's page and not by the crate's writer, which cannot write them.
+//! Frames with a valid checksum and invalid content: each is rejected with what was expected, and
+//! content just inside the limits is read. The frames are written here bit by bit, from the
+//! format's page, because the crate's writer cannot write them.
 #![allow(clippy::unwrap_used)]
 
 mod bits;
@@ -68,7 +68,8 @@ const ENDS_MOVE: u64 = 2;
 const COUNTS: u64 = 1;
 
 impl Start {
-    /// The bits of a frame that begins with these, with this many items, whose bits follow.
+    /// Bits of a frame that begins with these fields and announces this many items, whose bits
+    /// follow.
     fn bits(&self, items: u64) -> Bits {
         let mut bits = Bits::default();
         bits.put(self.can_be_entered.into(), 1);
@@ -102,7 +103,7 @@ impl Start {
         bits
     }
 
-    /// The frame with these items, of which the bits are put by `put`.
+    /// Frame with this many items, whose bits `put` writes.
     fn with(&self, items: u64, put: impl FnOnce(&mut Bits)) -> Vec<u8> {
         let mut bits = self.bits(items);
         put(&mut bits);
@@ -118,7 +119,7 @@ enum Read {
     Command(u32, String),
 }
 
-/// Items of a frame, to its end or to its first fault.
+/// Items of a frame, up to its end or its first fault.
 fn read(frame: &[u8]) -> (Vec<Read>, Result<(), Fault>) {
     let mut items = Vec::new();
     let frame = Frame::read(frame, 0, Some(0)).unwrap();

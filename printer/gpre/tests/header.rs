@@ -1,4 +1,4 @@
-//! The header: what is written is what is read; each refusal says what and where.
+//! The header: what is written is read back; each rejection says what and where.
 #![allow(clippy::unwrap_used)]
 
 use ferrostep_gpre::header::{FIXED_BYTES, HeaderCheck};
@@ -70,19 +70,23 @@ fn refused(change: impl FnOnce(&mut Vec<u8>), expected: &str) {
 #[test]
 fn each_refusal_says_what_and_where() {
     assert_eq!(HEADER.matches(HEADER.profile_hash, HEADER.planner_version), Ok(()));
-    refused(|bytes| bytes[3] = b'Q', "at byte 0: not a GPRE file (wrong magic number)");
-    refused(|bytes| bytes.truncate(40), "at byte 40: the file ends too early, expected more bytes");
+    refused(|bytes| bytes[3] = b'Q', "at byte 0: not a prepared job: its first bytes are not those of GPRE");
+    refused(|bytes| bytes.truncate(40), "at byte 40: the file is cut short: copy the file, or prepare the job, again");
     refused(|bytes| bytes[8] = 9, "at byte 8: written in version 9 of the format, expected at most 1");
     refused(|bytes| bytes[10] = 3, "at byte 10: encoding 3 is unknown, expected 1 (compact) or 2 (wide)");
     refused(
         |bytes| bytes[12] = 3,
-        "at byte 12: a length of 3 bytes is impossible: the file is damaged, prepare or copy it again",
+        "at byte 12: damaged: no part of a file has 3 bytes: copy the file, or prepare the job, again",
     );
     refused(
         |bytes| bytes[15] = 0x80,
-        "at byte 12: a length of 2147483720 bytes is impossible: the file is damaged, prepare or copy it again",
+        "at byte 12: damaged: no part of a file has 2147483720 bytes: copy the file, or prepare the job, again",
     );
-    refused(|bytes| bytes[60] = 4, "at byte 60: meaningless content, expected a thumbnail of a kind from 0 to 3");
+    refused(
+        |bytes| bytes[60] = 4,
+        "at byte 60: unreadable content, expected a thumbnail of a kind from 0 to 3: copy the file, or prepare the \
+         job, again",
+    );
     refused(
         |bytes| bytes[16] = 0,
         "at byte 16: prepared for another machine (profile 0123456789abcd00), expected this one's profile \

@@ -41,7 +41,7 @@ fn pass(dice: &mut Dice, treatment: Treatment, mut bytes: Vec<u8>) -> Vec<u8> {
 }
 
 /// Sends a job through a bad line into a buffer of `room` bytes that is emptied now and then;
-/// returns what has come, and how many frames that took.
+/// returns the received bytes and the number of frames that they took.
 fn transfer(job: &[u8], room: usize, treatment: Treatment, seed: u64) -> (Vec<u8>, usize) {
     let mut dice = Dice(seed);
     let mut sender = Sender::new(job.to_vec());
@@ -121,7 +121,7 @@ proptest! {
         prop_assert_eq!(frame[0], FLAG);
         prop_assert_eq!(frame.iter().position(|byte| b"\n\r\x11\x13Mm\xff".contains(byte)), Some(frame.len() - 1));
         prop_assert!(!frame[1..].contains(&FLAG) && frame[frame.len() - 2] != ESCAPE);
-        // Nor is what is left of one that has lost its beginning, or has a bit changed.
+        // Nor is the rest of a frame that has lost its beginning or has a changed bit.
         match damage {
             0 => {}
             1 => drop(frame.drain(..cut.index(frame.len()))),
@@ -164,7 +164,7 @@ proptest! {
             let at = at.index(line.len());
             let changed = char::from(line.as_bytes()[at] ^ 1 << bit);
             line.replace_range(at..=at, &changed.to_string());
-            // The sum in capitals is the same sum.
+            // A checksum in capital letters is the same checksum.
             prop_assert!(Report::parse(&line).is_none_or(|read| read == report));
         }
     }

@@ -9,13 +9,13 @@ pub trait Buffers {
     fn put(&mut self, byte: u8) -> bool;
     /// The next byte to send.
     fn take(&mut self) -> Option<u8>;
-    /// Takes a command that does not wait its turn; its bytes were, or will be,
-    /// [`Self::put`] as well.
+    /// Takes a command that does not wait its turn; its bytes also go through [`Self::put`], before
+    /// or after.
     fn emergency(&mut self, emergency: Emergency);
-    /// Takes note that a line of text has ended, so its host is present. The line may have
-    /// to wait its turn.
+    /// Notes that a line of text has ended, so its host is present. The line itself may have to
+    /// wait its turn.
     fn note_line(&mut self) {}
-    /// Reports the settings of MeatPack to a host that has switched it on or off, or asks for them,
-    /// and waits for this.
+    /// Reports the MeatPack settings, for which a host waits that has switched MeatPack on or off
+    /// or asks for them.
     fn report_packing(&mut self, _: meatpack::Settings) {}
 }

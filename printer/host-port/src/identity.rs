@@ -4,24 +4,24 @@
 pub const VENDOR_ID: u16 = 0x1209;
 
 /// The first of pid.codes' numbers for tests, <https://pid.codes/1209/0001>: for development, not
-/// for a product. A maker of boards asks there for another number, which an open-source project
-/// gets, and puts it here.
+/// for a product. A board maker requests another number there, which is granted to open-source
+/// projects, and puts it here.
 pub const PRODUCT_ID: u16 = 0x0001;
 
 /// The manufacturer's string.
 pub const MANUFACTURER: &str = "Ferrostep";
 
-/// Hexadecimal digits of a 96-bit identifier.
+/// Hexadecimal digits of the 96-bit identifier.
 const DIGITS: usize = 24;
 
-/// The serial number of a board: its chip's unique identifier. By this a host finds the same
-/// printer again, at whatever port it is plugged in.
+/// Serial number of a board: its chip's unique identifier, by which a host recognises the printer
+/// at any port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SerialNumber([u8; DIGITS]);
 
 impl SerialNumber {
-    /// Identity from the three words of the identifier, in the order of their addresses; each
-    /// as eight digits.
+    /// Serial number from the three words of the identifier, in the order of their addresses; eight
+    /// digits each.
     pub fn of(words: [u32; 3]) -> Self {
         let mut digits = [0; DIGITS];
         let nibbles = words.iter().flat_map(|word| (0..8).rev().map(move |place| word >> (4 * place) & 0xf));
@@ -31,7 +31,7 @@ impl SerialNumber {
         Self(digits)
     }
 
-    /// The identity as a string.
+    /// The serial number as a string.
     pub fn as_str(&self) -> &str {
         // Digits are ASCII.
         core::str::from_utf8(&self.0).unwrap_or_default()

@@ -5,36 +5,35 @@ use ferrostep_gcode::{Emergency, EmergencyScanner, Line, LineError, LineReader};
 
 use crate::buffers::Buffers;
 
-/// Marks the place in the ring of received bytes where a line was broken off. No byte of
-/// UTF-8 has this value.
+/// Marks where a line was broken off, in the ring of received bytes. No byte of UTF-8 has this
+/// value.
 pub const BREAK: u8 = 0xff;
 
-/// Replacement for a host's own 0xff: no byte of UTF-8 either, so that its line is
-/// refused all the same.
+/// Replacement for a host's own 0xff: not a byte of UTF-8 either, so its line is still rejected.
 const NOT_A_BREAK: u8 = 0xfe;
 
-/// The end that receives: bytes to the ring, unpacked if the host packs them (MeatPack), whole
-/// lines or none, and the commands that do not wait their turn.
+/// Receiving end: passes bytes to the ring, unpacked if the host packs them (MeatPack), in whole
+/// lines only, and picks out the commands that do not wait their turn.
 ///
-/// While packing is on, M112 in plain text stops the printer as well: a person may type it, or
-/// another host, who does not know of the packing. Packed, those bytes are a second G in the middle
-/// of a line's numbers, which no command has.
+/// While packing is on, M112 in plain text still stops the printer: a person may type it, or
+/// another host that does not know of the packing. In packed text those bytes would be a second G
+/// amid a line's numbers, which no command has.
 #[derive(Clone, Debug, Default)]
 pub struct Incoming {
     unpacker: Unpacker,
-    /// Looks at packed bytes as if they were plain.
+    /// Scans packed bytes as if they were plain.
     plain_scanner: EmergencyScanner,
     scanner: EmergencyScanner,
     /// The ring ends with an unfinished line.
     mid_line: bool,
-    /// True if that line is broken off: a [`BREAK`] goes before the next byte.
+    /// True if the unfinished line is broken off: a [`BREAK`] goes before the next byte.
     broken: bool,
-    /// The rest of a line is dropped, because it did not fit.
+    /// The rest of a line is being dropped, because it did not fit.
     dropping: bool,
     line: LineKind,
 }
 
-/// Kind of a line so far.
+/// Kind of the line so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum LineKind {
     /// Empty.
@@ -47,7 +46,7 @@ enum LineKind {
 }
 
 impl Incoming {
-    /// New at the start of a line.
+    /// Receiver at the start of a line.
     pub const fn new() -> Self {
         Self {
             unpacker: Unpacker::new(),
@@ -60,8 +59,8 @@ impl Incoming {
         }
     }
 
-    /// Takes in a packet. Returns how many bytes were dropped for lack of room; of a line that did
-    /// not fit, its part in the ring is broken off as well.
+    /// Takes a packet. Returns the number of bytes dropped for lack of room; if a line did not fit,
+    /// its part in the ring is broken off as well.
     pub fn take_in(&mut self, packet: &[u8], buffers: &mut impl Buffers) -> u32 {
         let mut dropped = 0;
         for &received in packet {
@@ -75,14 +74,14 @@ impl Incoming {
                 buffers.report_packing(settings);
             }
             for &byte in unpacked.bytes() {
-                // No more than there are bytes in a packet, and packed in them.
+                // No more than the packet's bytes and those packed in them.
                 dropped = u32::wrapping_add(dropped, self.take_in_byte(byte, buffers).into());
             }
         }
         dropped
     }
 
-    /// Takes in a byte of text; returns true if it was dropped.
+    /// Takes a byte of text; returns true if it was dropped.
     fn take_in_byte(&mut self, byte: u8, buffers: &mut impl Buffers) -> bool {
         if let Some(emergency) = self.scanner.feed(byte) {
             buffers.emergency(emergency);
@@ -112,8 +111,8 @@ impl Incoming {
         true
     }
 
-    /// Takes note that the connection has ended: the next bytes belong to another line, and are not
-    /// packed until their host says so.
+    /// Notes that the connection has ended: the next bytes begin another line, and are plain until
+    /// their host switches packing on.
     pub fn break_off(&mut self) {
         self.unpacker = Unpacker::new();
         self.plain_scanner = EmergencyScanner::new();
@@ -128,27 +127,27 @@ impl Incoming {
 /// Input from a host.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Heard<'a> {
-    /// A line, or why it cannot be read.
+    /// A line, or the reason why it cannot be read.
     Line(Result<Line<'a>, LineError>),
-    /// The beginning of a line whose rest was lost with the connection, or for lack of room. It is
-    /// dropped. Always [`LineError::Incomplete`], which tells whether it began with a line number.
+    /// Beginning of a line whose rest was lost with the connection or for lack of room; it is
+    /// dropped. Always [`LineError::Incomplete`], which says whether the line began with a line
+    /// number.
     HalfALine(LineError),
 }
 
-/// The end that reads: bytes of the ring to lines.
+/// Reading end: turns bytes of the ring into lines.
 #[derive(Clone, Debug, Default)]
 pub struct Lines {
     reader: LineReader,
 }
 
 impl Lines {
-    /// New at the start of line 1.
+    /// Reader at the start of line 1.
     pub const fn new() -> Self {
         Self { reader: LineReader::new() }
     }
 
-    /// Reads up to the end of the next line that is not empty, or to a break; as
-    /// [`LineReader::feed`].
+    /// Reads up to the end of the next non-empty line, or to a break; see [`LineReader::feed`].
     pub fn feed<'a>(&'a mut self, bytes: &'a [u8]) -> (usize, Option<Heard<'a>>) {
         if bytes.first() == Some(&BREAK) {
             return (1, Some(Heard::HalfALine(self.reader.break_off())));

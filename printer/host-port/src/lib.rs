@@ -5,12 +5,12 @@
 //! its own line numbers and replies. A host may vanish at any moment, and may stop reading; neither
 //! must stop the machine:
 //!
-//! - What the host does not read waits in a ring of fixed size. A line that does not fit is dropped
-//!   whole, and counted ([`LineWriter`]).
-//! - What the firmware does not read in time is dropped in whole lines, and counted
-//!   ([`Incoming`]). The bytes are looked at for M112 all the same. To hold the host up instead
-//!   would hold up its M112.
-//! - The same rings and readers serve a serial line, which cannot be held up at all.
+//! - Unread output waits in a ring of fixed size. A line that does not fit is dropped whole, and
+//!   counted ([`LineWriter`]).
+//! - What the firmware does not read in time is dropped in whole lines, and counted ([`Incoming`]).
+//!   The dropped bytes are still scanned for M112. Holding the host back instead would also hold
+//!   back its M112.
+//! - A serial line, which cannot be held back at all, uses the same rings and readers.
 //! - If a connection ends within a line, that line is dropped and the next one begins afresh
 //!   ([`BREAK`], [`Lines`]).
 #![cfg_attr(not(test), no_std)]

@@ -21,8 +21,8 @@ impl<'a> LineWriter<'a> {
         self.line(text, 0);
     }
 
-    /// Adds an unsolicited line. It leaves half of the ring to replies: a host that reads again
-    /// after a while has missed reports, but no `ok` that it waits for.
+    /// Adds an unsolicited line. Half of the ring stays reserved for replies: a host that pauses
+    /// its reading may miss reports, but never an `ok` that it waits for.
     pub fn report(&mut self, text: fmt::Arguments<'_>) {
         self.line(text, self.bytes.capacity() / 2);
     }

@@ -2,10 +2,10 @@
 
 use usb_device::Result;
 
-/// Bytes in a packet: the most that a bulk endpoint has at full speed (USB 2.0, 5.8.3).
+/// Bytes in a packet: the maximum of a bulk endpoint at full speed (USB 2.0, 5.8.3).
 pub const PACKET_BYTES: usize = 64;
 
-/// The end that sends.
+/// Sending end.
 #[derive(Clone, Debug)]
 pub(crate) struct Outgoing {
     /// The next packet.
@@ -16,9 +16,9 @@ pub(crate) struct Outgoing {
     is_transfer_open: bool,
     /// The last byte that was taken from the ring.
     last_taken: u8,
-    /// The last byte that the host was given.
+    /// Last byte given to the host.
     last_sent: u8,
-    /// The rest of a line is dropped, because its beginning was.
+    /// The rest of a line is being dropped, because its beginning was.
     dropping: bool,
 }
 
@@ -34,7 +34,7 @@ impl Outgoing {
         }
     }
 
-    /// Gives bytes from `take` to the controller while it accepts packets.
+    /// Passes bytes from `take` to the controller while it accepts packets.
     pub fn send(&mut self, mut take: impl FnMut() -> Option<u8>, mut write: impl FnMut(&[u8]) -> Result<usize>) {
         loop {
             self.fill(&mut take);
@@ -48,8 +48,8 @@ impl Outgoing {
                     self.last_sent = packet.last().copied().unwrap_or(self.last_sent);
                     self.length = 0;
                 }
-                // The last packet is still on its way, or (another error) the endpoint does not
-                // exist yet. Both end with an event that leads here again.
+                // The last packet is still in transit, or (any other error) the endpoint does not
+                // exist yet. Either state ends with an event that leads here again.
                 Err(_) => return,
             }
         }
@@ -68,8 +68,8 @@ impl Outgoing {
         }
     }
 
-    /// Drops what has not been sent. The next line begins at the start of a line, also for the
-    /// reader before (`same_reader`), who may have had half of one.
+    /// Drops unsent output. The next output starts at the beginning of a line, even for the
+    /// previous reader (`same_reader`), which may have received half a line.
     pub fn discard(&mut self, mut take: impl FnMut() -> Option<u8>, same_reader: bool) {
         while let Some(byte) = take() {
             self.last_taken = byte;

@@ -9,7 +9,7 @@ use crate::identity::{MANUFACTURER, PRODUCT_ID, SerialNumber, VENDOR_ID};
 use crate::incoming::Incoming;
 use crate::outgoing::{Outgoing, PACKET_BYTES};
 
-/// Packet size as the controller takes it.
+/// Packet size in the controller's type.
 const PACKET_SIZE: u16 = PACKET_BYTES as u16;
 
 /// Bytes in a packet of control transfers.
@@ -32,9 +32,9 @@ pub struct UsbSerial<'a, B: UsbBus> {
     outgoing: Outgoing,
     is_configured: bool,
     dtr: bool,
-    /// A program has the port open, by DTR or because it has sent something.
+    /// A program has the port open: it has set DTR or sent something.
     is_open: bool,
-    /// A program had it open before. Output before the first program is kept for it.
+    /// A program had the port open before. Output before the first program is kept for it.
     was_open: bool,
 }
 
@@ -52,7 +52,7 @@ impl<'a, B: UsbBus> UsbSerial<'a, B> {
                 .usb_rev(UsbRev::Usb200)
                 .self_powered(true)
         };
-        // One language fits and 64 is a packet size, so that neither is refused.
+        // Neither call fails: one language fits, and 64 is a valid packet size.
         let builder = plain().strings(&[strings]).and_then(|builder| builder.max_packet_size_0(CONTROL_PACKET_BYTES));
         let builder = builder.unwrap_or_else(|_| plain());
         let mut device = builder.build();
@@ -69,9 +69,9 @@ impl<'a, B: UsbBus> UsbSerial<'a, B> {
         }
     }
 
-    /// Handles all pending work: answers the host's requests, takes its packets, sends what waits.
-    /// To be called when the controller interrupts and when there is something to send. Returns how
-    /// many received bytes were dropped.
+    /// Handles all pending work: answers the host's requests, takes its packets, sends waiting
+    /// output. Call it on the controller's interrupts and when there is something to send. Returns
+    /// the number of received bytes dropped.
     ///
     /// `is_sound` is checked each time before the controller's driver is called; once it is false
     /// the driver is left alone.

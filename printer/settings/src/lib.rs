@@ -1,7 +1,7 @@
-//! Settings that survive the power.
+//! Settings that survive a power-off.
 //!
 //! A [`Record`] holds values by the names of their settings; a [`Store`] keeps the newest record in
-//! sectors of a NOR flash. A power cut at any word leaves the record before it or the new one.
+//! sectors of a NOR flash. A power cut at any word leaves the previous record or the new one.
 #![cfg_attr(not(test), no_std)]
 
 mod memory_flash;

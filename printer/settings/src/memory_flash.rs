@@ -12,15 +12,15 @@ const WORD_BYTES: usize = 4;
 /// Time of a power cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cut {
-    /// Words and erasures that are still made.
+    /// Words and erasures completed before the cut.
     pub operations: u32,
-    /// The operation at which the power goes is not left out but half made, by this seed: of a word
+    /// If set, the operation during which the power fails is half done, with this seed: of a word
     /// some bits are written; of a sector some words are erased, others in part or not at all, or
     /// are zero, since a chip may write zeros first.
     pub half: Option<u32>,
 }
 
-/// The power is off, or the words asked for do not exist.
+/// The power is off, or the requested words do not exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PowerIsOff;
 
@@ -78,12 +78,12 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>, const SECTOR: usize> MemoryFlash<B, SECTOR> {
         self.bytes.as_ref()
     }
 
-    /// Content of the flash, without the flash.
+    /// Content of the flash, which is dropped.
     pub fn into_bytes(self) -> B {
         self.bytes
     }
 
-    /// Counts an operation; an error at and after the cut, with the seed of one that is half made.
+    /// Counts an operation; fails at and after the cut, with the seed of a half-done operation.
     fn operate(&mut self) -> Result<(), Option<u32>> {
         match &mut self.cut {
             Some(Cut { operations: 0, half }) => Err(half.take()),
@@ -100,7 +100,7 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>, const SECTOR: usize> MemoryFlash<B, SECTOR> {
     }
 }
 
-/// The next of pseudo-random numbers (Marsaglia 2003, xorshift of 32 bits), for what a cut leaves.
+/// Next pseudo-random number (Marsaglia 2003, xorshift of 32 bits), for what a cut leaves.
 pub fn next_random(seed: &mut u32) -> u32 {
     let mut x = (*seed).max(1);
     x ^= x << 13;
@@ -165,7 +165,7 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>, const SECTOR: usize> NorFlash for MemoryFlash
             let operation = self.operate();
             let cells = self.bytes.as_mut().get_mut(at..).and_then(|rest| rest.get_mut(..word.len()));
             let cells = cells.ok_or(PowerIsOff)?;
-            // Writing takes bits from 1 to 0 alone.
+            // Writing can only change bits from 1 to 0.
             match operation {
                 Ok(()) => cells.iter_mut().zip(word).for_each(|(cell, byte)| *cell &= byte),
                 Err(Some(mut seed)) => {

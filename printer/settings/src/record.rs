@@ -6,9 +6,9 @@
 //! | 2 | [`id_of`] the profile's name: the settings of one machine are not another's |
 //! | 11 each | a value: [`id_of`] the setting's name (2), index among the setting's values (1), the value (IEEE 754, 8) |
 //!
-//! All numbers are little-endian. Of a setting that it does not know, a reader skips the values; so
-//! a record outlives an update that adds settings or takes some away. A setting that changes its
-//! meaning or its unit must change its name.
+//! All numbers are little-endian. A reader skips the values of settings that it does not know, so a
+//! record survives an update that adds or removes settings. A setting whose meaning or unit changes
+//! must change its name.
 
 use core::fmt;
 
@@ -36,7 +36,7 @@ pub const fn hash_of(name: &str) -> u32 {
 }
 
 /// A name as records write it: the halves of [`hash_of`] combined. A test of the settings' table
-/// sees that no two are the same.
+/// checks that no two are the same.
 pub const fn id_of(name: &str) -> u16 {
     let hash = hash_of(name);
     (hash >> 16 ^ hash & 0xffff) as u16
@@ -58,9 +58,9 @@ pub struct Entry {
 pub enum RecordError {
     /// The record is shorter than its head, or ends within a value.
     Length,
-    /// Another version of the firmware has written it, in this format.
+    /// Another version of the firmware wrote the record, in this format.
     Format(u8),
-    /// The record is of another profile.
+    /// The record belongs to another profile.
     OtherProfile,
 }
 
@@ -74,7 +74,7 @@ impl fmt::Display for RecordError {
     }
 }
 
-/// A record that can be read.
+/// A readable record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Record<'a>(&'a [u8]);
 
@@ -82,7 +82,7 @@ impl<'a> Record<'a> {
     /// The record in these bytes.
     ///
     /// # Errors
-    /// Its format, its length or its profile are others.
+    /// The record has another format, length or profile.
     pub fn read(bytes: &'a [u8], profile: &str) -> Result<Self, RecordError> {
         let (format, rest) = bytes.split_first().ok_or(RecordError::Length)?;
         if *format != FORMAT {
@@ -109,7 +109,7 @@ impl<'a> Record<'a> {
     }
 }
 
-/// A record that is written.
+/// A record under construction.
 #[derive(Debug)]
 pub struct RecordWriter {
     bytes: [u8; MAX_BYTES],
@@ -125,7 +125,7 @@ impl RecordWriter {
         record
     }
 
-    /// Adds a value. `false`: it is full.
+    /// Adds a value; `false` if the record is full.
     pub fn add(&mut self, entry: Entry) -> bool {
         if self.bytes.len().saturating_sub(self.length) < VALUE_BYTES {
             return false;
@@ -191,7 +191,7 @@ mod tests {
         assert_eq!(Record::read(&[7, 0, 0], "corexy"), Err(RecordError::Format(7)));
     }
 
-    /// The layout must stay: the stored settings of boards depend on it.
+    /// The layout must not change: the stored settings of boards depend on it.
     #[test]
     fn the_layout_stays() {
         let mut record = RecordWriter::new("corexy");

@@ -1,11 +1,10 @@
 //! The sectors of a flash in which records are kept.
 //!
 //! A sector is divided into slots, each for one record with a number and a checksum. The newest
-//! record is the one with the largest number among those whose checksum is right, whatever the
-//! other bytes are. A new record goes into the next empty slot of the newest one's sector; if it
-//! has no room, the next sector is erased for it, which never holds the newest record. So a
-//! power cut at any word, or during an erasure, whatever it leaves, takes nothing away; and all
-//! sectors wear alike.
+//! record is the one with the largest number among those with a valid checksum, whatever the other
+//! bytes are. A new record goes into the next empty slot of the newest one's sector; if that sector
+//! is full, the next one, which never holds the newest record, is erased for it. So a power cut at
+//! any word, or during an erasure, loses nothing, whatever it leaves; and all sectors wear alike.
 //!
 //! | bytes | content of a slot |
 //! |---|---|
@@ -33,18 +32,18 @@ const CHUNK_BYTES: usize = 64;
 
 const CHECKSUM: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
-/// Message of a memory that gives no cause.
+/// Message for a memory that gives no cause.
 pub const NOT_WORKING: &str = "the memory for settings does not work";
 
 /// Reason why settings are not stored, or not read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StoreError {
-    /// The memory has refused to read, write or erase, or does not contain what was written: what
-    /// does not work, in its own words.
+    /// The memory has refused to read, write or erase, or does not contain what was written; the
+    /// text names the failure.
     Memory(&'static str),
     /// The record does not fit.
     TooLong,
-    /// The sectors are not two whole ones or more.
+    /// The length is not a multiple of the sector size, or is below two sectors.
     Sectors,
 }
 
@@ -70,18 +69,17 @@ struct Newest {
     number: u32,
 }
 
-/// Records in a flash of two sectors or more, whose errors are words for a person.
+/// Records in a flash of two sectors or more. Errors of the flash are texts for a person.
 #[derive(Debug)]
 pub struct Store<F> {
     flash: F,
 }
 
 impl<F: NorFlash<Error: Into<&'static str>>> Store<F> {
-    /// The records in a flash, which has all of it; nothing is read or written yet.
+    /// Store that uses a whole flash; nothing is read or written yet.
     ///
     /// # Errors
-    /// [`StoreError::Sectors`]: it does not consist of sectors of whole slots, or
-    /// of fewer than two.
+    /// [`StoreError::Sectors`]: the sectors do not hold whole slots, or are fewer than two.
     pub fn new(flash: F) -> Result<Self, StoreError> {
         let bytes = flash.capacity();
         let has_sectors = bytes.is_multiple_of(F::ERASE_SIZE) && bytes >= F::ERASE_SIZE.saturating_mul(2);
@@ -102,7 +100,7 @@ impl<F: NorFlash<Error: Into<&'static str>>> Store<F> {
         Ok(record_in(slot).map(|(_, record)| record))
     }
 
-    /// Stores a record in place of the one before.
+    /// Stores a record in place of the previous one.
     ///
     /// # Errors
     /// The flash does not work, or the record is too long.
@@ -128,16 +126,16 @@ impl<F: NorFlash<Error: Into<&'static str>>> Store<F> {
         &self.flash
     }
 
-    /// Returns the flash, which is no longer a store.
+    /// Ends the store and returns its flash.
     pub fn into_flash(self) -> F {
         self.flash
     }
 
-    /// The newest record's place; `slot` is room to read.
+    /// Place of the newest record; `slot` is a buffer for reading.
     fn newest(&mut self, slot: &mut Slot) -> Result<Option<Newest>, StoreError> {
         let mut newest: Option<Newest> = None;
         for address in (0..self.flash.capacity() as u32).step_by(SLOT_BYTES) {
-            // Most slots are empty, or of another number: their heads say so.
+            // Most slots are empty or have another number: their heads show it.
             let mut head = [0; HEAD_BYTES];
             self.read(address, &mut head)?;
             let number = number_of(&head);
@@ -171,7 +169,7 @@ impl<F: NorFlash<Error: Into<&'static str>>> Store<F> {
         Ok(None)
     }
 
-    /// Erases the sector after that of an address, in which there is nothing to keep; its start.
+    /// Erases the sector after that of an address, which holds nothing to keep; returns its start.
     fn erase_sector_after(&mut self, address: u32) -> Result<u32, StoreError> {
         let next = Self::sector(address).saturating_add(F::ERASE_SIZE as u32);
         self.erase(if (next as usize) < self.flash.capacity() { next } else { 0 })
@@ -185,8 +183,8 @@ impl<F: NorFlash<Error: Into<&'static str>>> Store<F> {
         Ok(sector)
     }
 
-    /// Reads a slot as far as its head says that there is a record: a memory on a slow bus would
-    /// take long for all of it.
+    /// Reads a slot as far as its head announces a record: a memory on a slow bus would take long
+    /// for all of it.
     fn read_record(&mut self, address: u32, slot: &mut Slot) -> Result<(), StoreError> {
         let (head, _) = slot.split_at_mut(HEAD_BYTES);
         self.read(address, head)?;
@@ -229,8 +227,7 @@ fn checksum(start: &[u8], record: &[u8]) -> [u8; 4] {
     digest.finalize().to_le_bytes()
 }
 
-/// Writes a record and its head into a slot that is erased otherwise; returns how
-/// many bytes they are.
+/// Writes a record and its head into an otherwise erased slot; returns their length, bytes.
 fn fill(slot: &mut Slot, number: u32, record: &[u8]) -> Result<usize, StoreError> {
     slot.fill(0xff);
     let too_long = |_| StoreError::TooLong;

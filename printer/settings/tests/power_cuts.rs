@@ -1,5 +1,5 @@
-//! The power goes at every word and every erasure: the old record or the new one is read
-//! afterwards, never neither.
+//! The power fails at every word and every erasure: afterwards the old record or the new one is
+//! read.
 #![allow(clippy::unwrap_used)]
 
 use ferrostep_settings::{
@@ -27,16 +27,16 @@ fn record(number: u32) -> Vec<u8> {
     record.bytes().to_vec()
 }
 
-/// Saves `record` with the power going at `cut`; the flash afterwards.
+/// Saves `record` while the power fails at `cut`; returns the flash afterwards.
 fn save_until(bytes: &[u8], cut: Cut, record: &[u8]) -> Vec<u8> {
     let mut store = store(Flash::new(bytes.to_vec()).with_cut(cut));
     assert_eq!(store.save(record), Err(StoreError::Memory(NOT_WORKING)), "{cut:?}: the power went");
     store.into_flash().into_bytes()
 }
 
-/// Every word and erasure of 1,000 saves, which go round the sectors 125 times; at each the power
-/// goes before it and, by four seeds, in its midst. What such a cut has left is where the next save
-/// begins, every seventh time.
+/// Every word and erasure of 1,000 saves, which go round the sectors 125 times. At each, the power
+/// fails before it and, with four seeds, in its midst. Every seventh time, the next save begins
+/// with what such a cut has left.
 #[test]
 fn a_cut_leaves_the_old_record_or_the_new_one() {
     let (mut cuts, mut news, mut in_erasures, mut seed) = (0_u32, 0_u32, 0_u32, 1);

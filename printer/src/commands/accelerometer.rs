@@ -6,12 +6,12 @@ use crate::ports::{Ports, Replies};
 use crate::printer::Printer;
 
 impl<'a, P: Ports> Printer<'a, P> {
-    /// The machine has an accelerometer.
+    /// Gives the machine an accelerometer.
     pub fn set_accelerometer(&mut self, accelerometer: &'a dyn Accelerometer) {
         self.fitted.accelerometer = Some(accelerometer);
     }
 
-    /// The accelerometer.
+    /// The accelerometer, or an error without one.
     pub(crate) fn needed_accelerometer(&self) -> Result<&'a dyn Accelerometer, CommandError> {
         let what = "accelerometer: a board has one where its file has the table [accelerometer], the printer of `serve` where its \
                     profile has frame.x and frame.y";

@@ -40,11 +40,11 @@ impl<P: Ports> Printer<'_, P> {
         Err(failure)
     }
 
-    /// Executes a line, or the lines of the macro that it calls, and of those before and after a
-    /// change of the tool. `card_start` is where a line of the card's print begins.
+    /// Executes a line, or the lines of the macro that it calls, and those of the macros before and
+    /// after a tool change. `card_start` is where a line of the card's print begins.
     ///
     /// # Errors
-    /// Why the line failed, and whether it was to stop the machine or to restart it. The
+    /// The reason why the line failed, and whether it was meant to stop or restart the machine. The
     /// macro has been named.
     pub(crate) async fn execute_lines(
         &mut self,
@@ -80,7 +80,7 @@ impl<P: Ports> Printer<'_, P> {
             }
             let failure = match &parsed {
                 Ok(command) => match self.may_execute(line, card_start, command) {
-                    // A macro continues after it.
+                    // A macro continues after such a line.
                     Ok(Answer::Given) if call.is_some() => continue,
                     Ok(Answer::Given) => return Ok(Answer::Given),
                     Ok(Answer::Ok) if self.begins_change(&mut changes, command) => continue,
@@ -106,7 +106,8 @@ impl<P: Ports> Printer<'_, P> {
         };
         let is_halted = matches!(failure, Failure::Command(CommandError::Halted | CommandError::NeedsReset(_)));
         if is_halted && !self.lines.told_halted {
-            // A task below this one reports the halt and the heater's fault; they must come first.
+            // A task of lower priority reports the halt and the heater's fault; those reports must
+            // come first.
             self.clock.delay_ms(TELL_HALT_MS).await;
         }
         self.tell_failed_change(line, &changes, &mut room);
@@ -116,9 +117,8 @@ impl<P: Ports> Printer<'_, P> {
         Err((failure, is_stop))
     }
 
-    /// Decides by the source whether a command may be executed now: a host's beside a print
-    /// from the card, or the card's own. It has been [answered](Answer::Given) if it needs
-    /// no further work.
+    /// Decides by the source whether a command may be executed now: a host's during a print from
+    /// the card, or the card's own. [`Answer::Given`] means that it needs no further work.
     fn may_execute(
         &mut self,
         line: u32,
@@ -135,7 +135,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Says at which line a macro has ended, if it has begun.
+    /// Reports the line at which a macro has ended, if it has begun.
     pub(crate) fn tell_macro_end(&self, line: u32, call: &Call<'_>, text: &str) {
         if call.has_begun() {
             let (name, place, text) = (call.name(), call.place(), ShortText::new(text));
@@ -144,7 +144,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Ends or pauses the print of a host whose line was refused, in words that hosts know.
-    /// Otherwise they would stream the rest into a machine that is halted.
+    /// Otherwise the host would stream the rest into a halted machine.
     #[cold]
     fn end_print_of_host(&mut self, error: &CommandError, is_stop: bool, is_numbered: bool) {
         match error {
@@ -152,7 +152,7 @@ impl<P: Ports> Printer<'_, P> {
                 // The answer to M112 has reported it already, and M999 does not belong to a print.
                 if !is_stop {
                     self.replies.send(Reply::Killed);
-                    // Printrun's word.
+                    // The form that Printrun knows.
                     self.replies.send(Reply::Text("!! the printer is halted, M999 restarts it"));
                 }
                 if !core::mem::replace(&mut self.lines.told_halted, true) {

@@ -1,4 +1,4 @@
-//! M425: the play of the drives.
+//! M425: backlash of the drives.
 
 use ferrostep_gcode::{BacklashWords, Decimal, Real};
 use ferrostep_planner::backlash::Backlash;
@@ -14,12 +14,12 @@ use crate::settings::bounds::in_range;
 const MM: f64 = 100_000.0;
 
 impl<P: Ports> Printer<'_, P> {
-    /// Returns true if the drives may have play that is taken up.
+    /// Returns true if the machine can compensate backlash.
     pub(crate) const fn has_backlash(&self) -> bool {
         <P::Motion as Motion>::Backlash::PRESENT && self.profile.backlash.is_some()
     }
 
-    /// M425, at standstill. The motors stay.
+    /// Executes M425, at standstill. The motors do not move.
     #[inline(never)]
     pub(crate) fn backlash(&mut self, words: &BacklashWords) -> Result<(), CommandError> {
         if !self.has_backlash() {
@@ -50,7 +50,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// A length of a word, mm.
+    /// Length of a word, mm.
     fn length_mm(&self, word: Decimal) -> Result<f64, CommandError> {
         let length_10nm = self.interpreter.modal.length_10nm(word).ok_or(CommandError::TooFar)?;
         Ok(length_10nm as f64 / MM)

@@ -1,8 +1,7 @@
 //! G29, G30, G34, G35, G80, M48, M420, M421 and M555: the bed is probed, and Z follows its surface.
 //!
-//! Heights are those of the motors at which the probe triggers, less the one at which it
-//! has triggered when Z was homed: where Z is homed the surface is at 0, whatever the
-//! probe's offset (M851).
+//! Heights are motor heights at which the probe triggers, minus the one at which it triggered while
+//! Z was homed: the surface is at 0 where Z is homed, whatever the probe's offset (M851).
 
 mod align;
 mod area;
@@ -23,7 +22,7 @@ use crate::printer::Printer;
 use crate::settings::bounds::within;
 use crate::settings::profile::homing::MeshSettings;
 
-/// Z.
+/// Index of Z.
 const Z: usize = 2;
 
 /// Units of 10 nm in a millimetre.
@@ -32,10 +31,10 @@ const MM: f64 = 100_000.0;
 /// Units of 10 nm in a micrometre.
 const UM: i64 = 100;
 
-/// The greatest height of a point, either way, units of 10 nm.
+/// Largest height of a point, either sign, units of 10 nm.
 pub(crate) const MAX_HEIGHT_10NM: i64 = 1_000_000;
 
-/// Number of M48's probings without P; the least is `MIN_SAMPLES`. Marlin's numbers.
+/// Number of M48's probings without P; the minimum is `MIN_SAMPLES`. Marlin's numbers.
 const SAMPLES: u8 = 10;
 const MIN_SAMPLES: u8 = 4;
 
@@ -45,7 +44,7 @@ impl<P: Ports> Printer<'_, P> {
         P::Motion::HAS_BED && self.profile.mesh.is_some()
     }
 
-    /// Executes a command of the bed.
+    /// Executes a command for the bed.
     pub(crate) async fn bed(&mut self, command: &BedCommand) -> Result<(), CommandError> {
         let Some(settings) = self.profile.mesh else { return Ok(()) };
         if self.interpreter.modal.in_prepared_job && command.switches_on() {
@@ -98,8 +97,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Makes Z follow the mesh, or stops it, at standstill: the motors stay, and the position's Z
-    /// is that above the mesh or without it.
+    /// Makes Z follow the mesh, or stops it, at standstill: the motors do not move, and the
+    /// position's Z becomes the one above the mesh or without it.
     #[inline(never)]
     pub(crate) fn switch_bed(&mut self, on: bool) -> Result<(), MeshError> {
         // Within 5 m.
@@ -116,7 +115,7 @@ impl<P: Ports> Printer<'_, P> {
         outcome
     }
 
-    /// M502: no mesh, and the profile's fade.
+    /// Executes M502 for the mesh: clears it and restores the profile's fade.
     pub(crate) fn reset_mesh(&mut self) {
         if let Some(settings) = self.profile.mesh.filter(|_| self.has_bed()) {
             self.forget_mesh();
@@ -126,7 +125,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Stops bed following, and empties the mesh.
     pub(crate) fn forget_mesh(&mut self) {
-        // Only on can fail.
+        // Only switching on can fail.
         let _off = self.switch_bed(false);
         self.motion.mesh(|mesh| mesh.begin(&MeshGrid::NONE, MeshInterpolation::Bilinear));
     }
@@ -169,7 +168,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// M421.
+    /// Executes M421.
     #[inline(never)]
     fn set_point(&mut self, point: [u8; 2], height: Decimal, adds: bool) -> Result<(), CommandError> {
         let follows = self.interpreter.modal.follows_bed;
@@ -240,8 +239,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Probes a place of the bed, apart from the mesh: if Z follows that, it does so
-    /// again afterwards.
+    /// Probes a place of the bed without the mesh; if Z follows the mesh, it does so again
+    /// afterwards.
     async fn probe_apart(
         &mut self,
         place_10nm: [i64; 2],
@@ -259,13 +258,13 @@ impl<P: Ports> Printer<'_, P> {
         outcome.map(|()| heights)
     }
 
-    /// The height of the motors at which the probe has triggered when Z was homed.
+    /// Height of the motors at which the probe triggered while Z was homed.
     fn home_height_10nm(&self) -> i64 {
         self.interpreter.modal.z.trigger_10nm.unwrap_or_else(|| self.interpreter.trigger_10nm(Z))
     }
 
-    /// Probes a place of the bed `samples` times, with the nozzle above it on the way
-    /// there and afterwards.
+    /// Probes a place of the bed `samples` times; the nozzle stays above the bed on the way there
+    /// and afterwards.
     async fn probe(
         &mut self,
         place_10nm: [i64; 2],
@@ -288,8 +287,8 @@ impl<P: Ports> Printer<'_, P> {
             match homing.probe_bed(settings.depth_10nm).await {
                 Ok(found_10nm) => {
                     heights.add(found_10nm - home_10nm);
-                    // Where the bed is higher than at home, the nozzle continues at the same
-                    // distance above it.
+                    // Where the bed is higher than at home, the nozzle keeps the same distance
+                    // above it.
                     lift_10nm = lift_10nm.max(found_10nm + settings.lift_10nm);
                 }
                 Err(error) => {
@@ -309,14 +308,15 @@ impl<P: Ports> Printer<'_, P> {
         outcome
     }
 
-    /// Makes the G-code's position that of the motors, after probing; the time of homing has ended.
+    /// Makes the G-code's position that of the motors after probing; the homing time limit has
+    /// ended.
     fn follow_probing(&mut self) {
         let position_10nm = self.motion.position_10nm();
         self.motion.set_position(position_10nm);
         self.follow_the_motors();
     }
 
-    /// Refuses a machine that does not know where it is.
+    /// Refuses a machine that does not know its position.
     fn needs_home(&self) -> Result<(), CommandError> {
         let modal = &self.interpreter.modal;
         match (0..3).find(|&axis| !modal.homed[axis]) {
@@ -343,11 +343,11 @@ impl<P: Ports> Printer<'_, P> {
         if self.profile.safe_homing.is_above_bed(place_10nm) { Ok(()) } else { Err(CommandError::BesideBed) }
     }
 
-    /// The place of the probe of G30 and M48, the axes'.
+    /// Axis position of the probe for G30 and M48.
     fn probed_place(&self, x: Option<Decimal>, y: Option<Decimal>) -> Result<[i64; 2], CommandError> {
         let modal = &self.interpreter.modal;
         let [x_10nm, y_10nm, _] = modal.machine_10nm;
-        // On the bed, to which the probe goes straight down.
+        // A point on the bed, straight below the probe.
         let mut asked_10nm = [x_10nm, y_10nm, 0];
         for ((axis, place), word) in asked_10nm.iter_mut().enumerate().zip([x, y]) {
             *place = match word {
@@ -366,13 +366,13 @@ impl<P: Ports> Printer<'_, P> {
     }
 }
 
-/// Heights that were found at one place.
+/// Heights found at one place.
 #[derive(Clone, Copy, Debug)]
 struct Heights {
     count: u16,
     first_10nm: i64,
     sum_10nm: i64,
-    /// Sum of the squares of the differences from the first, units of 10 nm.
+    /// Sum of the squared differences from the first height, units of 10 nm.
     squares: i64,
     least_10nm: i64,
     most_10nm: i64,
@@ -399,7 +399,7 @@ impl Heights {
         self.first_10nm + (2 * self.sum_10nm + count * self.sum_10nm.signum()) / (2 * count)
     }
 
-    /// Standard deviation, units of 10 nm: of these heights, as Marlin works it out.
+    /// Standard deviation of these heights, units of 10 nm, as Marlin computes it.
     fn deviation_10nm(&self) -> f32 {
         let count = f64::from(self.count.max(1));
         let mean = self.sum_10nm as f64 / count;
@@ -407,7 +407,7 @@ impl Heights {
     }
 }
 
-/// A height in the unit of the mesh, um, rounded.
+/// Height in the mesh's unit, um, rounded.
 fn height_um(height_10nm: i64) -> i16 {
     let rounded = (height_10nm + height_10nm.signum() * (UM / 2)) / UM;
     rounded.clamp((i16::MIN + 1).into(), i16::MAX.into()) as i16

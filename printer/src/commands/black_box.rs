@@ -1,4 +1,4 @@
-//! M791: the black box is sent at rest.
+//! M791: sends the black box at rest.
 
 use crate::error::CommandError;
 use crate::ports::Ports;
@@ -6,7 +6,7 @@ use crate::ports::black_box::BlackBox;
 use crate::printer::Printer;
 
 impl<'a, P: Ports> Printer<'a, P> {
-    /// The machine has a black box.
+    /// Gives the machine a black box.
     pub fn set_black_box(&mut self, black_box: &'a dyn BlackBox) {
         self.fitted.black_box = Some(black_box);
     }

@@ -10,7 +10,7 @@ use crate::printer::Printer;
 use crate::settings::profile::homing::BlTouch;
 
 impl<P: Ports> Printer<'_, P> {
-    /// The probe's pin, if it has one.
+    /// The probe's control pin, if it has one.
     pub(crate) fn pin(&self) -> Option<BlTouch> {
         self.profile.bltouch.filter(|_| <P::Motion as Motion>::Servo::PRESENT)
     }
@@ -19,7 +19,7 @@ impl<P: Ports> Printer<'_, P> {
     pub(crate) async fn probe_pin(&mut self, command: PinCommand) -> Result<(), CommandError> {
         let Some(pin) = self.pin() else { return Ok(()) };
         self.motion.finish().await?;
-        // Commands sent by hand before may have put the pin anywhere.
+        // Earlier manual commands may have put the pin anywhere.
         self.interpreter.modal.z.pin_is_in = false;
         let (motion, interpreter) = (&mut self.motion, &mut self.interpreter);
         Homing { motion, interpreter, drivers: self.fitted.drivers, line: self.lines.number }

@@ -10,23 +10,24 @@ use crate::ports::{Ports, ToolsPart};
 use crate::printer::Printer;
 use crate::settings::profile::tools::MAX_TOOLS;
 
-/// Words with which the macros are called, by the number of the new tool. A third tool
-/// needs other words.
+/// Words with which the macros are called, by the number of the new tool. A third tool would need
+/// other words.
 const WORDS: [&str; MAX_TOOLS] = ["FROM=1 TO=0", "FROM=0 TO=1"];
 
 impl<P: Ports> Printer<'_, P> {
-    /// No change so far.
+    /// State without a tool change so far.
     pub(crate) fn no_change() -> Changes<P> {
         ToolsPart::<P>::of(None)
     }
 
-    /// Returns true while a change is at work.
+    /// Returns true during a change.
     pub(crate) fn is_changing(changes: &Changes<P>) -> bool {
         ToolsPart::<P>::get(changes).is_some_and(|change| change.as_ref().is_some_and(|change| !change.has_ended))
     }
 
-    /// Begins a change if a command calls for one that has macros, and that can begin. Without
-    /// moves (S1, or before all axes are homed) the macros, which move, are left out as well.
+    /// Begins a change if a command asks for one that has macros and can begin. If the tool is
+    /// selected without moves (S1, or before all axes are homed), the macros, which move, are
+    /// skipped as well.
     pub(crate) fn begins_change(&mut self, changes: &mut Changes<P>, command: &Command<'_>) -> bool {
         let Command::SelectTool { tool: Some(tool), stays: false } = *command else { return false };
         if !ToolsPart::<P>::PRESENT || Self::is_changing(changes) {
@@ -92,8 +93,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(NextOfChange::Line)
     }
 
-    /// Reports the line of a change's macro after a failure within it, and the selected tool. The
-    /// room then has the line that changes the tool.
+    /// Reports the line of a change's macro after a failure within it, and the selected tool.
+    /// `room` then holds the line that changes the tool.
     pub(crate) fn tell_failed_change(&self, line: u32, changes: &Changes<P>, room: &mut MacroLine) {
         if !Self::is_changing(changes) {
             return;

@@ -22,7 +22,7 @@ struct Tuning {
     uses: bool,
 }
 
-/// Mask of the motors of the axes that a command names; all where it names none.
+/// Mask of the motors of the axes that a command names; all if it names none.
 fn mask(axes: AxisFlags) -> u8 {
     if axes.is_empty() {
         return 0b1111;
@@ -127,8 +127,8 @@ impl<P: Ports> Printer<'_, P> {
                     <P::Motion as Motion>::Tools::only(move || printer.change_tool(number, stays)).await?;
                 }
             }
-            // These do not wait. In `at_once` they would need more of the stack than all other
-            // commands: a tower reads lines, M503 writes many, and who stops motion plans it to its
+            // Commands that do not wait. In `at_once` they would need more stack than all other
+            // commands: a tower reads lines, M503 writes many, and a stop plans the motion to its
             // end.
             Command::Tower(ref words) => self.set_tower(words.as_ref())?,
             Command::Settings(command) if !Self::needs_standstill(command) => self.show_settings(command),
@@ -145,7 +145,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(Answer::Ok)
     }
 
-    /// Executes a command that waits until motion has ended, and for nothing else.
+    /// Executes a command that waits only for the end of motion.
     fn at_standstill(&mut self, command: &Command<'_>) -> Result<(), CommandError> {
         match *command {
             Command::Settings(command) => self.change_settings(command),
@@ -175,7 +175,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// The heater that a command waits for, and until when; `None` on a machine without it.
+    /// The heater that a command waits for, and the target; `None` on a machine without the heater.
     fn awaited_heat(&self, command: &Command<'_>) -> Result<Option<(Heater, WaitTarget)>, CommandError> {
         Ok(match *command {
             Command::WaitNozzle(tool, target) => Some((self.nozzle_of(tool)?, target)),
@@ -185,7 +185,7 @@ impl<P: Ports> Printer<'_, P> {
         })
     }
 
-    /// The measurement of a heater that M303 or M306 asks for.
+    /// The heater measurement that M303 or M306 asks for.
     fn tuning(&mut self, command: &Command<'_>) -> Result<Option<Tuning>, CommandError> {
         Ok(match *command {
             Command::Autotune { of, target, cycles, uses } => {
@@ -233,8 +233,8 @@ impl<P: Ports> Printer<'_, P> {
         })
     }
 
-    /// Executes a command that never waits; `None` for the others. A separate function, because
-    /// in a future the compiler keeps every value in memory.
+    /// Executes a command that never waits; `None` for the others. It is separate, because in a
+    /// future the compiler would keep every value in memory.
     #[inline(never)]
     fn at_once(&mut self, command: &Command<'_>) -> Result<Option<Answer>, CommandError> {
         match *command {
@@ -284,12 +284,13 @@ impl<P: Ports> Printer<'_, P> {
             Command::PromptAnswer(0 | 1) if self.print.power_loss.is_offered() && !self.is_paused() => {
                 return Ok(None);
             }
-            // Else it was acted on as its bytes arrived; pressed once, a button counts once.
+            // With the emergency parser, the answer acted as its bytes arrived: a button pressed
+            // once must count once.
             Command::PromptAnswer(button) if !self.identity.emergency_parser => self.signals.answer_prompt(button),
             Command::PromptAnswer(_) => {}
-            // It has its remark.
+            // The parser's remark suffices.
             Command::ResumePrint if !self.is_paused() => {}
-            // A host begins a job with it.
+            // A host begins a job with M110.
             Command::SetLineNumber(Some(_)) => {
                 self.lines.said = Remarks::NONE;
                 self.end_begun_tower();
@@ -364,7 +365,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::Supply(SupplyCommand::Off { .. }) if !self.has_supply() => return Ok(None),
             Command::Supply(_) if !self.has_supply() => {}
             Command::ProbePin(_) if self.pin().is_none() => {}
-            // The first three are only the drivers' part. Without a display the others
+            // The first three are handled by the drivers' part alone. Without a display the others
             // have no effect here.
             Command::ReportDrivers
             | Command::StealthChop { .. }
@@ -373,7 +374,7 @@ impl<P: Ports> Printer<'_, P> {
             | Command::SetBed(None)
             | Command::SetChamber(None)
             | Command::Accepted => {}
-            // These wait, or need much of the stack: `dispatch` executes them.
+            // Commands that wait or need much stack: `dispatch` executes them.
             Command::Linear { .. }
             | Command::Arc { .. }
             | Command::Dwell { .. }

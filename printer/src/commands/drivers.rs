@@ -1,4 +1,4 @@
-//! M122, M569, M906, M913 and M914. No motor moves or gets current before the drivers are set up.
+//! M122, M569, M906, M913 and M914. No motor moves or gets current before its driver is set up.
 
 use core::fmt;
 
@@ -13,15 +13,14 @@ use crate::part::Part;
 use crate::ports::{MotorDrivers, Ports, Replies, ToolsPart};
 use crate::printer::Printer;
 
-/// Interval at which a wait for a driver looks, ms. A set-up takes tenths of a second,
-/// and always ends.
+/// Polling interval of a wait for a driver, ms. A set-up takes tenths of a second, and always ends.
 const LOOK_MS: u32 = 10;
 
-/// Reports an event of a driver. `true`: a motor with current (`motors_on` is their mask) may not
-/// be where its steps say, and the caller must halt the machine as M112 does and send
+/// Reports an event of a driver. Returns `true` if a motor with current (mask `motors_on`) may not
+/// be where its steps say: the caller must then halt the machine as M112 does and send
 /// `Reply::Killed`; all else has been reported.
 ///
-/// Without current only the axis' home is lost. Printers are often without motor supply, so that is
+/// Without current only the axis' home is lost. Printers often run without motor supply, so that is
 /// only a notice: hosts end a print at each `Error:`.
 pub fn tell_driver_event(event: &DriverEvent, motors_on: u8, replies: &(impl Replies + ?Sized)) -> bool {
     let halts = event.stops_motion() && motors_on >> event.axis() & 1 == 1;
@@ -42,7 +41,7 @@ impl<P: Ports> Printer<'_, P> {
                 match drivers.state(motor) {
                     Some(DriverState::Failed(failure)) => {
                         let error = CommandError::Driver { motor, failure };
-                        // Hosts end a print at this word: without motion it must not keep heating.
+                        // Hosts end a print at `Error:`: without motion, heating must not continue.
                         self.replies.say(format_args!("Error:{error}"));
                         return Err(error);
                     }
@@ -61,9 +60,9 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Executes the drivers' part of a command, if it has one. `true`: the command continues when
-    /// all drivers have confirmed their settings.
-    // Not inlined: in the future of the commands that wait it would take much room.
+    /// Executes the drivers' part of a command, if it has one. Returns `true` if the command
+    /// continues once all drivers have confirmed their settings.
+    // Not inlined: it would enlarge the future of the waiting commands.
     #[inline(never)]
     pub(crate) fn drivers_part(&self, command: &Command<'_>) -> Result<bool, CommandError> {
         let (code, setting, values, tool) = match *command {
@@ -72,7 +71,7 @@ impl<P: Ports> Printer<'_, P> {
             {
                 return Ok(false);
             }
-            // Also M17: until its driver is set, a motor's current is the chip's default.
+            // Includes M17: until its driver is set up, a motor has the chip's default current.
             Command::Linear { .. }
             | Command::Arc { .. }
             | Command::Retract
@@ -106,7 +105,7 @@ impl<P: Ports> Printer<'_, P> {
             change(drivers, setting, values, extruder.unwrap_or(FIRST_EXTRUDER), self.replies)?;
         } else {
             for motor in 0..MOST_MOTORS {
-                // A setting of Z is that of all its motors.
+                // A setting of Z applies to all its motors.
                 let of = if motor == SECOND_EXTRUDER { FIRST_EXTRUDER } else { 2 };
                 let is_named = values.get(motor).or(values.get(of)).is_some_and(Option::is_some);
                 let is_other =
@@ -122,8 +121,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(changes)
     }
 
-    /// The motor that E is, of several tools: that of the tool; `None`: each extruder's, of a
-    /// query without T.
+    /// The motor that E means on a machine with several tools: the tool's; `None` means each
+    /// extruder's, for a query without T.
     #[inline(never)]
     fn extruder_of(&self, tool: Option<u8>, changes: bool) -> Result<Option<usize>, CommandError> {
         match tool {
@@ -141,7 +140,7 @@ enum Shown {
     Setting(DriverSetting),
 }
 
-/// Value of each motor: `None` if the command does not name it, else the value to set, or
+/// Value of each motor: `None` if the command does not name it, otherwise the value to set, or
 /// `None` for a query.
 type Values = [Option<Option<u16>>; 4];
 
@@ -150,19 +149,19 @@ const FIRST_EXTRUDER: usize = 3;
 
 const ALL_MOTORS: Values = [Some(None); 4];
 
-/// Values that a command names; without words it asks for all motors, with T alone for
-/// that extruder's.
+/// Values that a command names; a command without words queries all motors, one with T alone that
+/// extruder's.
 fn values(words: DriverWords) -> Values {
     let all = words.all();
     if all == [None; 4] { queried(words.tool) } else { all.map(|value| value.map(Some)) }
 }
 
-/// Motors of a query without words for motors.
+/// Motors of a query without motor words.
 fn queried(tool: Option<u8>) -> Values {
     if tool.is_some() { [None, None, None, Some(None)] } else { ALL_MOTORS }
 }
 
-/// Changes all drivers that the command names, or leaves all unchanged. E is `extruder`.
+/// Changes all drivers that the command names, or none. E is `extruder`.
 fn change(
     drivers: &dyn MotorDrivers,
     setting: Shown,
@@ -181,7 +180,7 @@ fn change(
                 Shown::Setting(DriverSetting::SpreadCycleAbove) => settings.spread_cycle_above_mm_per_s = *value,
                 Shown::Setting(DriverSetting::StallThreshold) => settings.stall_threshold = (*value).min(255) as u8,
             }
-            // Where stealthChop is off the speed has no effect yet.
+            // The speed has no effect yet while stealthChop is off.
             if is_set
                 && matches!(setting, Shown::Setting(DriverSetting::SpreadCycleAbove))
                 && *value != 0
@@ -196,7 +195,7 @@ fn change(
     Ok(())
 }
 
-/// Text on a driver's switching of its motor's current, with the speed from which on it changes.
+/// Text on a driver's chopper mode, with the speed from which it changes.
 struct Chopper<'a>(&'a DriverSettings);
 
 impl fmt::Display for Chopper<'_> {

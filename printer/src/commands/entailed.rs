@@ -1,5 +1,5 @@
-//! Actions that a command entails: a paused print is resumed, a tower sets its value, filament that
-//! has run out is changed.
+//! Actions that a command entails: resuming a paused print, setting a tower's value, changing
+//! filament that has run out.
 
 use core::pin::pin;
 
@@ -16,7 +16,7 @@ use crate::motion::modal::Modal;
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::{Answer, Printer};
 
-/// An axis' name, where it has one.
+/// Name of an axis, if it has one.
 struct Letter(Option<char>);
 
 impl core::fmt::Display for Letter {
@@ -55,7 +55,7 @@ impl<P: Ports> Printer<'_, P> {
             && let Some((nozzle, celsius)) = self.cools_print(command)
             && let Err(error) = self.motion.finish().await
         {
-            // Off is off, whatever has become of the motion.
+            // A heater is switched off even if motion has failed.
             self.set_temperature(nozzle, celsius)?;
             return Err(error.into());
         }
@@ -64,7 +64,7 @@ impl<P: Ports> Printer<'_, P> {
         let mut of_tower = due.as_deref().and_then(|line| self.read_of_tower(line));
         let mut command = command;
         loop {
-            // One wait for all, which takes less room than several.
+            // One await for all commands takes less room than several.
             let outcome = self.dispatch(of_tower.as_ref().unwrap_or(command)).await;
             if of_tower.take().is_some() {
                 match outcome {
@@ -96,9 +96,9 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Returns the nozzle, and its new target too cold for pushing filament, if a command lowers a
-    /// target at which filament is pushed. The moves that the board knows already, which may take
-    /// minutes, are to be made with the heat that they were written for.
+    /// Returns the nozzle and its new target if a command lowers the target from one at which
+    /// filament is extruded to one that is too cold for it. The moves already accepted, which may
+    /// take minutes, must be made at the temperature that they were written for.
     #[inline(never)]
     fn cools_print(&self, command: &Command<'_>) -> Option<(Heater, f64)> {
         let (tool, celsius) = match *command {
@@ -114,7 +114,7 @@ impl<P: Ports> Printer<'_, P> {
         (self.is_meant_hot(nozzle) && celsius < f64::from(minimum_celsius)).then_some((nozzle, celsius))
     }
 
-    /// Reports that a print waits for its nozzle, whose target no line has waited for.
+    /// Reports that a print is waiting for its nozzle, because no line has waited for its target.
     #[cold]
     #[inline(never)]
     fn tell_cold_start(&self) {

@@ -1,5 +1,5 @@
-//! Entering a prepared job in its middle: the machine has been brought to the start of a frame, and
-//! takes over the settings in force there.
+//! Entering a prepared job in its middle: the machine stands at the start of a frame, and takes
+//! over the settings in force there.
 
 use core::fmt::Write;
 
@@ -18,7 +18,7 @@ use crate::settings::bounds::{LARGEST_LIMIT, PERCENTS, SMALLEST_LIMIT};
 const MAX_10NM: u64 = 1_000_000_000_000;
 
 /// The limit as it was written: the shortest decimal number that rounds to the frame's
-/// single-precision value. So a plan is followed with exactly the limits that it was made with.
+/// single-precision value. So a plan is executed with exactly the limits with which it was made.
 fn as_written(value: f32) -> f64 {
     let mut text = heapless::String::<64>::new();
     let written = write!(text, "{value}").ok().and_then(|()| text.parse().ok());
@@ -65,9 +65,9 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Takes over the settings in force where a frame begins: limits, percentages, the fan,
-    /// E, G92, the lift of a retraction and the feed. The machine must be there. The caller
-    /// sets the heaters.
+    /// Takes over the settings in force at the start of a frame: limits, percentages, the fan, E,
+    /// G92, the lift of a retraction and the feed. The machine must stand there. The caller sets
+    /// the heaters.
     ///
     /// # Errors
     /// The machine is elsewhere, the frame's values are out of range, or motion was stopped.
@@ -93,7 +93,7 @@ impl<P: Ports> Printer<'_, P> {
         let [least, most] = PERCENTS.map(|percent| percent as u16);
         self.interpreter.modal.feed_percent = modal.feed_percent.clamp(least, most);
         self.interpreter.modal.flow_percent = modal.flow_percent.clamp(least, most);
-        // The frame's feed has the percentage in it.
+        // The frame's feed includes the percentage.
         let feed_10nm_per_min = f64::from(state.feed_mm_per_s) * 6_000_000.0;
         self.interpreter.modal.feed_10nm_per_min =
             (feed_10nm_per_min * 100.0 / f64::from(self.interpreter.modal.feed_percent)) as i64;

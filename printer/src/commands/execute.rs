@@ -1,5 +1,5 @@
-//! Execution of a line: its source, the effects of a stop or a halt on it, and signs of life
-//! while it takes long.
+//! Execution of a line: its source, the effects of a stop or a halt on it, and busy messages during
+//! long commands.
 
 use core::future::{Future, poll_fn};
 use core::pin::pin;
@@ -20,10 +20,10 @@ impl<'a, P: Ports> Printer<'a, P> {
         Ok(self.motion.finish().await?)
     }
 
-    /// Executes a line of a host, which waits for each answer: as [`Self::execute`], but with about
-    /// 1 s of motion at hand a move is answered when there is less.
+    /// Executes a line of a host, which waits for each answer: as [`Self::execute`], but a move is
+    /// answered as soon as less than about 1 s of motion is queued.
     pub async fn execute_for_host(&mut self, line: u32, text: &str, is_numbered: bool) -> Result<(), Failure> {
-        // The moves of a prepared job, between which a host is answered, fill the ring.
+        // Moves of a prepared job, between which hosts are answered, fill the ring.
         self.motion.set_bounded_in_time(!self.interpreter.modal.in_prepared_job);
         self.execute_from(Source::Host { is_numbered }, line, text).await
     }
@@ -39,7 +39,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.lines.begin(source, line);
         self.signals.note_host();
         // A command at work keeps the motors on. If the idle timeout has switched them off before,
-        // the printer learns it now.
+        // the printer reads that here.
         self.signals.set_at_work(true);
         if self.motion.take_switched_off() {
             self.interpreter.modal.forget_home(ALL_MOTORS);
@@ -49,13 +49,13 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
         self.log_line(text).await;
         let outcome = self.answer(line, text).await;
-        // A paused print keeps them on as well, because it must know its position.
+        // A paused print keeps the motors on as well, because it must know its position.
         self.signals.set_at_work(self.is_paused());
         outcome
     }
 
-    /// Executes a command and, while it takes long, says `busy` as often as M113 asks: after too
-    /// long a silence hosts give the printer up. A wait for heat reports temperatures instead.
+    /// Executes a command and meanwhile reports `busy` at M113's interval: hosts give up a printer
+    /// that is silent for too long. A wait for heat reports temperatures instead.
     pub(crate) async fn command_with_signs_of_life(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
         let (clock, replies, signals) = (self.clock.clone(), self.replies, self.signals);
         let mut execution = pin!(self.command(command));
@@ -82,7 +82,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     async fn command(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
         let was_stopped = self.motion.begin_command();
         if was_stopped {
-            // M410 has acted as its bytes arrived; its line may never be executed.
+            // M410 acted as its bytes arrived; its line may never be executed.
             let dropped_100pm = self.motion.take_dropped_100pm();
             self.reckon_stop(dropped_100pm);
         }
@@ -108,7 +108,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     }
 
     /// Follows the motors after a failed command: if motion was stopped, the G-code's position
-    /// becomes theirs. If a motor is not where its block ends, no position is certain.
+    /// becomes theirs. If a motor is not where its block ends, the position is unknown.
     pub(crate) fn follow_after(&mut self, error: CommandError) {
         match error {
             CommandError::MotionFault(_) => {
@@ -116,7 +116,7 @@ impl<'a, P: Ports> Printer<'a, P> {
                 self.follow_the_motors();
             }
             CommandError::Stopped | CommandError::Halted | CommandError::NeedsReset(_) => self.follow_the_motors(),
-            // Where it sticks out it would scratch over the bed.
+            // A probe pin that sticks out would scratch over the bed.
             CommandError::ProbePin(_) => self.interpreter.modal.note_failed_home([false, false, true], true),
             _ => {}
         }
@@ -139,15 +139,15 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.reckon_stop(dropped_100pm);
     }
 
-    /// Motion was stopped, with this much filament unpushed.
+    /// Accounts for a motion stop that left this much filament unpushed.
     fn reckon_stop(&mut self, dropped_100pm: i64) {
         let [x, y, z, _] = self.motion.motor_steps();
         self.interpreter.take_back(dropped_100pm, [x, y, z]);
         self.follow_the_motors();
     }
 
-    /// M999. The halt has stopped the motors, but the filament that they left unpushed has not been
-    /// subtracted. A heater fault that is still there halts the machine again at once.
+    /// Executes M999. The halt has stopped the motors, but the filament that they left unpushed has
+    /// not been subtracted. A heater fault that persists halts the machine again at once.
     pub(crate) fn restart(&mut self) -> Result<(), CommandError> {
         if !self.signals.is_halted() {
             return Ok(());
@@ -156,7 +156,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.end_tower("the machine was halted");
         self.stop_print_clock(false);
         self.stop_motion();
-        // First the flag, then the heaters: these report a fault in between themselves.
+        // The flag first, then the heaters, which report a fault in between themselves.
         self.signals.restart();
         if let Err(fault) = self.heating.restart() {
             self.signals.halt();
@@ -181,7 +181,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.lines.has_host()
     }
 
-    /// Refuses a command whose parts the board does not have.
+    /// Refuses a command if the board lacks its parts.
     pub(crate) fn needs(&self, is_there: bool, what: &'static str) -> Result<(), CommandError> {
         if is_there { Ok(()) } else { Err(CommandError::NotEquipped(what)) }
     }

@@ -1,7 +1,7 @@
-//! M92: steps of the extruder for each mm of filament.
+//! M92: extruder steps per mm of filament.
 //!
-//! Those of X, Y and Z are the profile's: the plan of a job depends on them. The extruder's are
-//! measured, with every other drive gear anew, and M500 stores them.
+//! The steps of X, Y and Z are the profile's: the plan of a job depends on them. The extruder's are
+//! measured anew for every drive gear, and M500 stores them.
 
 use ferrostep_gcode::{AxisWords, Real};
 use ferrostep_planner::StepsPerMm;
@@ -11,25 +11,25 @@ use crate::motion::axis_names::AXIS_NAMES;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
 
-/// Maximum distance of the extruder's steps from the profile's, as a part of them. Steps beyond it
-/// are those of another machine, gear or number of microsteps, such as in the start code of a
-/// slicer for many machines.
+/// Maximum relative deviation of the extruder's steps from the profile's. A larger one belongs to
+/// another machine, gear or microstep setting, as in start code that a slicer writes for many
+/// machines.
 const FARTHEST: f64 = 0.25;
 
-/// Steps in the form of reports.
+/// Steps per mm in the form of reports.
 fn shown(steps_per_mm: StepsPerMm) -> Real {
     Real::fixed(steps_per_mm.to_f64(), 2)
 }
 
-/// Returns true if an extruder can have these steps at its fastest feed: no motor steps faster than
-/// events may follow each other.
+/// Returns true if an extruder can have these steps at its fastest feed: no motor may step faster
+/// than the minimum event interval.
 fn fits(steps_per_mm: f64, max_feed_mm_per_s: f64, minimum_interval_ticks: u32) -> bool {
     steps_per_mm * max_feed_mm_per_s * f64::from(minimum_interval_ticks)
         <= f64::from(ferrostep_planner::TICKS_PER_SECOND)
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// M92 without words.
+    /// Reports the steps for M92 without words.
     #[inline(never)]
     pub(crate) fn report_steps_per_mm(&self) {
         let [x, y, z, _] = self.profile.steps_per_mm.map(shown);
@@ -37,7 +37,7 @@ impl<P: Ports> Printer<'_, P> {
         self.replies.say(format_args!("echo:  M92 X{x} Y{y} Z{z} E{e} ; (steps/mm)"));
     }
 
-    /// Executes M92, at standstill. Steps that cannot be set are named, and the old ones stay.
+    /// Executes M92, at standstill. Values that cannot be set are named, and the old ones stay.
     #[inline(never)]
     pub(crate) fn set_steps_per_mm(&mut self, tool: Option<u8>, words: &AxisWords) -> Result<(), CommandError> {
         let of_profile = self.profile.steps_per_mm;
@@ -79,7 +79,7 @@ impl<P: Ports> Printer<'_, P> {
                 || fits(steps_per_mm, max_feed_mm_per_s, self.profile.minimum_event_interval_ticks))
     }
 
-    /// Returns true if M92 with these words gives the extruder other steps.
+    /// Returns true if M92 with these words changes the extruder's steps.
     pub fn changes_extruder_steps(&self, tool: Option<u8>, words: &AxisWords) -> bool {
         let asked = words.e.map(|steps_per_mm| steps_per_mm.to_f64());
         tool.unwrap_or(0) == 0
@@ -97,7 +97,7 @@ impl<P: Ports> Printer<'_, P> {
         self.motion.set_extruder_steps_per_mm(steps_per_mm).map_err(CommandError::MotionChoice)
     }
 
-    /// Refuses a prepared job where the extruder has other steps than those it is planned with.
+    /// Refuses a prepared job if the extruder's steps differ from those it is planned with.
     pub(crate) fn needs_profiles_steps(&self) -> Result<(), CommandError> {
         self.needs_first_tool()?;
         if self.motion.extruder_steps_per_mm() == self.profile.steps_per_mm[3] {

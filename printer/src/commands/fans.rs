@@ -1,4 +1,4 @@
-//! M106, M107, M42, M150, M123, SET_FAN_SPEED, and the pause when a fan does not turn.
+//! M106, M107, M42, M150, M123, SET_FAN_SPEED, and the pause when a fan stalls.
 
 use ferrostep_gcode::{AxisWords, Command};
 use ferrostep_hal_shim::FanOutput;
@@ -11,11 +11,11 @@ use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::signals::Signals;
 
-/// Command of a print whose fan does not turn: M125.
+/// Command that pauses a print whose fan stalls: M125.
 pub(crate) static PAUSE: Command<'static> = Command::Pause(AxisWords { x: None, y: None, z: None, e: None });
 
-/// Reports that a fan does not turn, and lets the next line of a print pause it. To be called
-/// several times a second; `told` is the fan that was reported last.
+/// Reports a stalled fan and makes the next line of a print pause it. Call it several times a
+/// second; `told` is the fan that was reported last.
 pub fn tell_stalled_fan(
     told: &mut Option<FanOutput>,
     table: &FanTable,
@@ -77,7 +77,7 @@ impl<P: Ports> Printer<'_, P> {
         P::Heating::HAS_OUTPUTS && fans::find(&self.profile.fans, is_colored).is_some()
     }
 
-    /// M150: the light's outputs get the powers of their colours, with the motion
+    /// Executes M150: sets the light's outputs to their colours' powers, in step with the motion
     /// around the command.
     pub(crate) async fn set_light(&mut self, colors: [u8; 4]) -> Result<(), CommandError> {
         for (output, fan) in FanOutput::ALL.into_iter().zip(&self.profile.fans) {
@@ -89,8 +89,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// M123: every fan's power, 0 to 255, and its speed where it has a tachometer, as Prusa's
-    /// firmware writes them.
+    /// Executes M123: reports every fan's power, 0 to 255, and its speed if it has a tachometer, in
+    /// the format of Prusa's firmware.
     pub(crate) fn report_fans(&self) {
         for (output, fan) in FanOutput::ALL.into_iter().zip(&self.profile.fans) {
             let Some(FanSettings { name, .. }) = fan else { continue };
@@ -102,25 +102,24 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// All fans that commands set are off, after the motion so far.
+    /// Switches off all fans that commands set, after the motion so far.
     pub(crate) async fn commanded_fans_off(&mut self) {
         for (output, fan) in FanOutput::ALL.into_iter().zip(&self.profile.fans) {
             if matches!(fan, Some(FanSettings { rule: FanRule::Commanded { .. }, .. })) {
-                // A stop has switched no fan on.
+                // A stop has not switched on any fan.
                 let _ = self.motion.set_fan_power(output, 0).await;
             }
         }
     }
 
-    /// Returns true if a print must pause because a fan does not turn. It pauses once for each
+    /// Returns true if a print must pause because of a stalled fan. It pauses once for each
     /// failure: the person who resumes it has read the message.
     #[inline(never)]
     pub(crate) fn has_stalled_fan(&self) -> bool {
         self.is_a_nozzle_on() && self.signals.take_stalled_fan()
     }
 
-    /// Returns true if the hot end's own fan does not turn: the nozzle must not
-    /// stay hot unattended.
+    /// Returns true if the hot end's own fan has stalled: the nozzle must not stay hot unattended.
     pub(crate) fn is_hot_end_fan_stalled(&self) -> bool {
         let Some(output) = self.heating.stalled_fan() else { return false };
         matches!(self.profile.fans.get(output.index()), Some(Some(FanSettings { rule: FanRule::HotEnd, .. })))

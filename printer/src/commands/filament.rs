@@ -1,4 +1,4 @@
-//! M412, and the pause when the filament has run out or does not move.
+//! M412, and the pause when filament has run out or does not move.
 
 use ferrostep_gcode::{AxisWords, Command, FilamentSensorWords, Real};
 
@@ -8,7 +8,7 @@ use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::settings::profile::filament::FilamentSensor;
 
-/// Command of a print whose filament has run out: M600 without words.
+/// Command that pauses a print whose filament has run out: M600 without words.
 pub(crate) static CHANGE_FILAMENT: Command<'static> = Command::ChangeFilament {
     tool: None,
     park: AxisWords { x: None, y: None, z: None, e: None },
@@ -16,7 +16,7 @@ pub(crate) static CHANGE_FILAMENT: Command<'static> = Command::ChangeFilament {
     load: None,
 };
 
-/// Returns true if a command lays a line, as only prints do. A person who pushes new filament
+/// Returns true if a command extrudes a line, as only prints do. A person who pushes new filament
 /// in moves E alone.
 pub(crate) fn lays(command: &Command<'_>) -> bool {
     let lays = |axes: &AxisWords| axes.e.is_some() && (axes.x.is_some() || axes.y.is_some());
@@ -26,14 +26,14 @@ pub(crate) fn lays(command: &Command<'_>) -> bool {
     }
 }
 
-/// Returns true if a print may begin or restart with such a command: filament may have
+/// Returns true if a print may begin or restart with this command: before it, filament may have
 /// been moved by hand.
 fn begins(command: &Command<'_>) -> bool {
     matches!(command, Command::Home { .. } | Command::SetNozzle(..) | Command::WaitNozzle(..))
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Returns true if the filament sensor sees filament move.
+    /// Returns true if the filament sensor detects movement of filament.
     pub(crate) fn has_encoder(&self) -> bool {
         P::Motion::FOLLOWS_FILAMENT
             && self.profile.filament_sensor.is_some_and(|sensor| sensor.detection_10nm().is_some())
@@ -92,8 +92,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Restarts an encoder's count with the first line of filament after the beginning of a print,
-    /// or once it continues after a person has had the filament in hand.
+    /// Restarts an encoder's count at the first extruded line after a print begins, or after it
+    /// continues from a pause in which a person has handled the filament.
     pub(crate) fn follow_filament(&mut self, command: &Command<'_>, is_of_print: bool) {
         if !self.has_encoder() {
             return;
@@ -105,13 +105,13 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Returns true if the filament of a print that lays lines has run out, or does not move, and
-    /// reports it. As long as it is missing, each line of a print reports it.
+    /// Returns true, and reports it, if the filament of a print that extrudes lines has run out or
+    /// does not move. As long as it is missing, each line of a print reports it.
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
     pub(crate) fn has_run_out(&self) -> bool {
         let is_out = self.modes.pauses_at_runout && self.is_filament_missing();
-        // A print's nozzle is hot; lines without heat are a rehearsal.
+        // A real print's nozzle is hot; lines without heat are a rehearsal.
         let is_out = is_out && self.heating.status(self.nozzle()).target_celsius > 0.0;
         if is_out {
             let is_switch = self.has_filament_switch() && self.signals.is_filament_out();

@@ -1,5 +1,5 @@
-//! The state in which lines of G-code are read, and an assumed place: for a desk that stands in for
-//! macros that a profile lacks. A board has them or not, and its image links nothing of this.
+//! State in which lines of G-code are read, and an assumed position: for a desk that stands in for
+//! macros that a profile lacks. A board's image links none of this.
 
 use ferrostep_gcode::Units;
 
@@ -24,15 +24,15 @@ pub struct GcodeState {
     pub feed_percent: u16,
     /// Percentage of the filament (M221).
     pub flow_percent: u16,
-    /// X, Y, Z and E as the G-code sees them.
+    /// Values of X, Y, Z and E in the G-code.
     pub logical_10nm: [i64; 4],
-    /// Machine position of X, Y and Z as the G-code asks for it.
+    /// Machine position of X, Y and Z that the G-code asks for.
     pub machine_10nm: [i64; 3],
     /// The axes that are homed.
     pub homed: [bool; 3],
     /// Offset of Z by SET_GCODE_OFFSET.
     pub z_offset_10nm: i64,
-    /// Lowest temperature of a nozzle that extrudes, degrees Celsius (M302).
+    /// Minimum temperature of a nozzle that extrudes, degrees Celsius (M302).
     pub min_extrusion_celsius: f32,
 }
 
@@ -67,9 +67,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.profile
     }
 
-    /// Takes the machine for homed, with the nozzle at a machine position or, outside the
-    /// travel, at the end that is nearest. No axis moves. An offset of SET_GCODE_OFFSET stays,
-    /// as through homing.
+    /// Marks the machine as homed, with the nozzle at a machine position or, outside the travel, at
+    /// the nearest end. No axis moves. An offset of SET_GCODE_OFFSET stays, as in homing.
     ///
     /// # Errors
     /// Motion was stopped before.

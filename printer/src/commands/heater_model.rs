@@ -12,7 +12,7 @@ use crate::ports::{Heating, Ports, Replies};
 use crate::printer::Printer;
 use crate::settings::bounds::in_range;
 
-/// A constant of a line, if it has one.
+/// Sets a constant from a line's word, if given.
 fn set(constant: &mut f32, word: char, value: Option<Decimal>, [low, high]: [f64; 2]) -> Result<(), CommandError> {
     if let Some(value) = value {
         *constant = in_range(word, value.to_f64(), low, high)? as f32;
@@ -39,7 +39,7 @@ impl<P: Ports> Printer<'_, P> {
         <P::Heating as Heating>::Models::PRESENT && self.heating.model(heater).is_some()
     }
 
-    /// M306 with these words. Returns the heater whose model is to be found.
+    /// Executes M306 with these words. Returns the heater whose model is to be measured.
     pub(crate) fn heater_model(&mut self, words: &str) -> Result<Option<Heater>, CommandError> {
         self.needs(self.fitted.equipment.heaters, "heaters")?;
         let words = match HeaterModelWords::read(words) {
@@ -69,7 +69,7 @@ impl<P: Ports> Printer<'_, P> {
         if heater.is_nozzle() {
             let [_, most] = HeaterModel::LOSS_W_PER_K;
             set(&mut model.fanned_loss_w_per_k, 'F', words.fanned_loss, HeaterModel::LOSS_W_PER_K)?;
-            // The fan does not warm.
+            // The fan can only increase the loss.
             in_range('F', model.fanned_loss_w_per_k.into(), model.loss_w_per_k.into(), most)?;
             set(&mut model.filament_j_per_k_mm, 'H', words.filament, HeaterModel::FILAMENT_J_PER_K_MM)?;
         } else if words.fanned_loss.or(words.filament).is_some() {
@@ -85,7 +85,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(None)
     }
 
-    /// The line that sets this model.
+    /// Reports the line that sets this model.
     fn report_model(&self, heater: Heater, model: &HeaterModel) {
         let [p, c, r, a, f, h] = shown(model);
         match heater {
@@ -97,7 +97,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Refuses the step response of a heater that is hot.
+    /// Refuses a step response if the heater is still hot.
     pub(crate) fn may_step(&self, heater: Heater, target: f32) -> Result<(), CommandError> {
         if self.has_model(heater) && self.heating.status(heater).celsius > hottest_start(target) {
             return Err(CommandError::HeaterControl(
@@ -108,7 +108,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Reports the model that a step response has found, as M306 and as keys of the profile, and
-    /// takes it if `uses`.
+    /// uses it if `uses`.
     pub(crate) fn end_step(&mut self, heater: Heater, step: Option<StepProgress>, uses: bool) {
         let Some(StepProgress::Found(model)) = step else {
             return self.replies.send(Reply::Text("MPC Autotune ended by M108, the model stays"));

@@ -10,7 +10,7 @@ use crate::printer::Printer;
 use crate::settings::bounds::{LARGEST_MM, within};
 
 impl<P: Ports> Printer<'_, P> {
-    /// M206. It shifts coordinates at once, and so does every homing.
+    /// Executes M206. It shifts coordinates at once, and so does every later homing.
     pub(crate) fn home_offset(&mut self, words: &AxisWords) -> Result<(), CommandError> {
         let words = [words.x, words.y, words.z];
         let mut offset_10nm = self.interpreter.modal.home_offset_10nm;
@@ -48,14 +48,14 @@ mod tests {
             execute(&mut printer, line).unwrap();
         }
         assert_eq!(logical_mm(&printer), [5, -3, 0]);
-        // The place of the machine is another coordinate, and soft limits are the machine's.
+        // The machine position gets another coordinate; soft limits are in machine coordinates.
         execute(&mut printer, "G1 X15 Y-50").unwrap();
         assert_eq!(rig.believed_mm(), [10.0, 0.0, 0.0]);
         for line in ["G92 X100 Y100", "G28"] {
             execute(&mut printer, line).unwrap();
         }
         assert_eq!(logical_mm(&printer), [5, -3, 0]);
-        // The new offset takes the place of the one before; G92 stays.
+        // The new offset replaces the previous one; G92 stays.
         for line in ["G92 X100", "M206 X7"] {
             execute(&mut printer, line).unwrap();
         }
@@ -70,7 +70,7 @@ mod tests {
         rig.last_texts();
         execute(&mut printer, "M206").unwrap();
         assert_eq!(rig.last_texts(), ["echo:; Home offset:\necho:  M206 X1.50 Y0.00 Z-0.25 ; (mm)"]);
-        // Nothing of a refused line is executed.
+        // A refused line changes nothing.
         assert!(execute(&mut printer, "M206 X3 Y1000.1").is_err());
         execute(&mut printer, "M206").unwrap();
         assert!(rig.last_texts().concat().contains("X1.50 Y0.00"));

@@ -1,4 +1,4 @@
-//! One serial line's side of the conversation: line numbers, checksums, one `ok` a line.
+//! One serial line's side of the conversation: line numbers, checksums, one `ok` per line.
 
 use ferrostep_gcode::{CardCommand, Command, Line, LineError, LineNumbers, Reply, ResendReason, Verdict, parse};
 
@@ -9,9 +9,9 @@ use crate::printer::Printer;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Host {
     numbers: LineNumbers,
-    /// True while its lines go into a file (M28).
+    /// True while the host's lines are written to a file (M28).
     writes: bool,
-    /// True if those lines have numbers; a line without one has lost it on the way.
+    /// True if those lines have numbers; a line without one has lost it in transit.
     writes_numbered: bool,
 }
 
@@ -21,8 +21,8 @@ impl Host {
         Self { numbers: LineNumbers::new(), writes: false, writes_numbered: false }
     }
 
-    /// Answers a line reader's result: executes a good line, `ok`s a repeated one, asks for a
-    /// garbled one again.
+    /// Answers a line reader's result: executes a good line, sends `ok` for a repeated one,
+    /// requests a garbled one again.
     pub async fn answer<P: Ports>(&mut self, printer: &mut Printer<'_, P>, line: Result<Line<'_>, LineError>) {
         let replies = printer.replies();
         match line {
@@ -58,7 +58,7 @@ impl Host {
     }
 }
 
-/// Returns true if a line is M29, which a person may write without a number.
+/// Returns true if a line is M29, which a person may send without a number.
 pub(crate) fn is_end_of_file(text: &str) -> bool {
     matches!(parse(text), Ok(Command::Card(CardCommand::EndWrite)))
 }

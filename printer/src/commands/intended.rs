@@ -1,5 +1,5 @@
-//! Checks whether a job is meant for this machine (M862.1, M862.3), and remarks on words that have
-//! an effect on other machines only.
+//! Checks whether a job is meant for this machine (M862.1, M862.3), and remarks on words that only
+//! affect other machines.
 
 use ferrostep_gcode::{AxisWords, BedCommand, Command, Decimal, DriverWords, Remark, Remarks, WaitTarget};
 
@@ -10,7 +10,8 @@ use crate::printer::Printer;
 /// Nozzles are drilled in steps of 0.05 mm; slicers write two decimals.
 const SAME_NOZZLE_MM: f64 = 0.01;
 
-/// Returns true if a command wants a chamber without heat, as every chamber without a heater is.
+/// Returns true if a command asks for an unheated chamber, which any chamber without a heater
+/// provides.
 fn asks_for_cold(command: &Command<'_>) -> bool {
     match command {
         Command::SetChamber(target) => target.is_none_or(|celsius| celsius <= Decimal::ZERO),
@@ -77,8 +78,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Adds a remark for an axis without a corner limit in the profile: it keeps to the junction
-    /// deviation alone, whatever M205 says.
+    /// Adds a remark for an axis without a corner limit in the profile: only the junction deviation
+    /// limits it, whatever M205 says.
     fn add_unlimited_axes(&self, corner_velocity: &AxisWords, remarks: &mut Remarks) {
         let AxisWords { x, y, z, e } = *corner_velocity;
         let limits = self.motion.limits().instantaneous_corner_velocity_mm_per_s;

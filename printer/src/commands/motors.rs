@@ -12,7 +12,7 @@ impl<P: Ports> Printer<'_, P> {
     /// G28.
     pub(crate) async fn home(&mut self, axes: AxisFlags) -> Result<(), CommandError> {
         self.needs(self.fitted.equipment.end_stops, "end stops")?;
-        // The sensors are where T0's nozzle finds them.
+        // The sensors' positions are measured with T0's nozzle.
         self.leave_tool_offset();
         let (motion, interpreter) = (&mut self.motion, &mut self.interpreter);
         let outcome =
@@ -26,8 +26,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Returns the axes that are not homed, of these or, if none is named, of all; `None`
-    /// without such an axis.
+    /// Returns the axes that are not homed, among these or, if none is named, among all; `None` if
+    /// all are homed.
     pub(crate) fn unhomed(&self, axes: AxisFlags) -> Option<AxisFlags> {
         let all = axes.is_empty();
         let [x, y, z] = self.interpreter.modal.homed;
@@ -35,7 +35,8 @@ impl<P: Ports> Printer<'_, P> {
         (!axes.is_empty()).then_some(axes)
     }
 
-    /// M18, M84: a motor without current may be turned by hand, so its axis is no longer homed.
+    /// Executes M18 and M84: a motor without current may be turned by hand, so its axis is no
+    /// longer homed.
     pub(crate) async fn disable_motors(&mut self, motors: u8) -> Result<(), CommandError> {
         self.motion.finish().await?;
         self.motion.set_motors_enabled(motors, false);
@@ -67,8 +68,8 @@ impl<P: Ports> Printer<'_, P> {
         }
         Ok(())
     }
-    /// Sets the motion at standstill, for which it waits; a choice that cannot be set
-    /// is refused before.
+    /// Sets the motion choice at standstill, for which it waits; an impossible choice is refused
+    /// first.
     pub(crate) async fn set_motion_choice(
         &mut self,
         choice: &MotionChoice,

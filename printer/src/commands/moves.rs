@@ -1,4 +1,4 @@
-//! G0 to G4, G10, G11 and G92: the interpreter's moves go to the motors.
+//! G0 to G4, G10, G11 and G92: pass the interpreter's moves to the motors.
 
 use ferrostep_gcode::{ArcForm, AxisWords, Decimal, Real};
 use ferrostep_hal_shim::Heater;
@@ -10,7 +10,7 @@ use crate::motion::interpreter::AskedMove;
 use crate::ports::{Heating, Motion, Ports, Replies, Text};
 use crate::printer::Printer;
 
-/// A dwell of more than eleven days is a mistake.
+/// A dwell of more than eleven days is taken for a mistake.
 const LONGEST_DWELL_MS: u64 = 1_000_000_000;
 
 impl<P: Ports> Printer<'_, P> {
@@ -41,8 +41,8 @@ impl<P: Ports> Printer<'_, P> {
             self.motion.add(asked.request).await?;
         }
         self.taken(&asked);
-        // After the move, not before: a move that a host sends during the wait would be
-        // one more to end.
+        // After the move, not before: a move that a host sends during the wait would be one more to
+        // finish.
         Ok(self.motion.wait_for_room_in_time().await?)
     }
 
@@ -67,7 +67,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Follows a move that the planner has taken.
+    /// Updates the interpreter for a move that the planner has accepted.
     fn taken(&mut self, asked: &AskedMove) {
         self.interpreter.take(asked);
         if asked.request.ends_move && asked.clamped.contains(&true) {
@@ -88,21 +88,21 @@ impl<P: Ports> Printer<'_, P> {
         Err(CommandError::ColdExtrusion { celsius, minimum_celsius })
     }
 
-    /// Tells whether commands themselves have left the nozzle without a target at which filament is
-    /// pushed. Filament that is to move alone then stays, as in Marlin: start code of some makers
-    /// does so after its purge. Nothing is displaced by it.
+    /// Returns true if commands themselves have left the nozzle without a target at which filament
+    /// is extruded. Filament-only moves are then skipped, as in Marlin: some makers' start code
+    /// makes them after its purge. Nothing is displaced.
     pub(crate) fn is_meant_cold(&self) -> bool {
         !self.is_meant_hot(self.nozzle())
     }
 
-    /// Tells whether commands have given a nozzle a target at which filament is pushed.
+    /// Returns true if commands have given a nozzle a target at which filament is extruded.
     pub(crate) fn is_meant_hot(&self, nozzle: Heater) -> bool {
         let target_celsius = self.modes.targets_celsius.get(nozzle.index()).copied().unwrap_or_default();
         target_celsius >= self.interpreter.modal.min_extrusion_celsius
     }
 
-    /// Says how a move was to leave the travel of some axes; an arc may do so on its way, which
-    /// `reach_10nm` knows.
+    /// Reports how a move would have left the travel of some axes; an arc may do so along its path,
+    /// which `reach_10nm` covers.
     pub(crate) fn say_clamped(&self, clamped: [bool; 3], reach_10nm: Option<[[i64; 2]; 2]>) {
         let mut text = Text::new();
         let line = self.lines.number;
@@ -114,7 +114,7 @@ impl<P: Ports> Printer<'_, P> {
             if let Some([least, most]) = reach_10nm.and_then(|reach| reach.get(axis).copied()) {
                 (at, verb) = (if most - upper > lower - least { most } else { least }, "goes to");
             }
-            // In the G-code's coordinates, which its reader finds in the file.
+            // In the G-code's coordinates, which a reader finds in the file.
             let [at, lower, upper] = [at, lower, upper].map(|length_10nm| {
                 let of_job_10nm = length_10nm.wrapping_add(modal.offset_10nm[axis]);
                 Real::fixed(of_job_10nm as f64 / 100_000.0, 2)
@@ -128,7 +128,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// G10, G11 with the settings of M207 and M208; a second one in a row has no
+    /// Executes G10 and G11 with the settings of M207 and M208; a second one in a row has no
     /// effect, as in Marlin.
     pub(crate) async fn firmware_retract(&mut self, retract: bool) -> Result<(), CommandError> {
         let modal = &self.interpreter.modal;
@@ -142,8 +142,8 @@ impl<P: Ports> Printer<'_, P> {
         } else {
             (settings.length_10nm + settings.extra_recover_10nm, settings.recover_10nm_per_s)
         };
-        // As in Marlin, the flow does not scale a retraction: the same length must be drawn back
-        // and pushed again.
+        // As in Marlin, flow does not scale a retraction: the same length must be retracted and
+        // pushed again.
         let filament = filament_100pm(length_10nm, 100);
         let here = self.motion.position_10nm();
         let there = self.interpreter.lifted(modal.machine_10nm, if retract { settings.lift_10nm } else { 0 });
@@ -151,8 +151,8 @@ impl<P: Ports> Printer<'_, P> {
         let lift =
             Move { target_10nm: there, filament_100pm: 0, feed_mm_per_s, line: self.lines.number, ends_move: false };
         let filament_move = Move { filament_100pm: filament, feed_mm_per_s: rate as f32 / 100_000.0, ..lift };
-        // Draw back before lifting, lower before pushing forward, so that the nozzle never
-        // oozes in the air.
+        // Retract before lifting, lower before pushing forward, so that the nozzle never oozes in
+        // the air.
         if retract {
             self.motion.add(Move { target_10nm: here, ..filament_move }).await?;
             self.interpreter.take_retraction(filament, here);

@@ -1,8 +1,8 @@
-//! A pausing print: the nozzle goes aside, waits for a person, and returns to its place.
+//! Pausing a print: the nozzle is parked, waits for a person, and returns to its place.
 //!
-//! A reader of jobs uses [`Printer::pause`], [`Printer::resume`] and [`Printer::cancel`] only.
-//! Commands that pause a host's print (M0, M600, ...) do all of it before their `ok`, because until
-//! then a host sends no more of its print; a reader that can wait by itself looks at
+//! A reader of jobs uses only [`Printer::pause`], [`Printer::resume`] and [`Printer::cancel`].
+//! Commands that pause a host's print (M0, M600, ...) do all of it before their `ok`, because a
+//! host sends no more of its print until then; a reader that can wait by itself checks
 //! [`Printer::is_paused`].
 
 use core::pin::pin;
@@ -21,7 +21,7 @@ use crate::settings::profile::filament::PauseSettings;
 /// Units of 10 nm in a millimetre.
 const MM: i64 = 100_000;
 
-/// Feed on the way there and back, mm/s; the axes' own limits hold as well.
+/// Feed to the parking place and back, mm/s; the axes' own limits apply as well.
 const PARK_FEED_MM_PER_S: f32 = 100.0;
 
 impl<P: Ports> Printer<'_, P> {
@@ -38,12 +38,12 @@ impl<P: Ports> Printer<'_, P> {
         if is_over { Some(PauseAnswer::Continue) } else { self.signals.take_answer() }
     }
 
-    /// Pauses after the moves taken so far: draws the filament back, goes aside as far as the axes
-    /// are homed, and tells the host. Heaters keep their targets, as long as the [heater
-    /// timeout](crate::HeaterTimeout) lets them. A paused print stays paused.
+    /// Pauses after the moves accepted so far: retracts, parks the nozzle as far as the axes are
+    /// homed, and tells the host. Heaters keep their targets, as long as the [heater
+    /// timeout](crate::HeaterTimeout) lets them. A print that is already paused stays paused.
     ///
     /// # Errors
-    /// Motion was stopped; the print is not paused then.
+    /// Motion was stopped; the print is then not paused.
     pub async fn pause(&mut self, reason: PauseReason) -> Result<(), CommandError> {
         self.pause_at(reason, &PauseWords::default()).await
     }
@@ -86,7 +86,7 @@ impl<P: Ports> Printer<'_, P> {
         }
         self.print.paused = Some(paused);
         self.pause_print_clock();
-        // An answer from before is not meant for this pause.
+        // An earlier answer is not meant for this pause.
         self.signals.take_answer();
         if !self.is_returning() {
             self.tell_paused(if words.text.is_empty() { reason.text() } else { words.text });
@@ -94,8 +94,9 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// The second button of a filament change: pushes the new filament in, and more each time. The
-    /// motor lets it go again, and the person is asked again. Other pauses have no such button.
+    /// Executes the second button of a filament change: pushes the new filament in, and more each
+    /// time. Then the extruder's motor releases the filament again, and the person is asked again.
+    /// Other pauses have no such button.
     ///
     /// # Errors
     /// The nozzle is too cold, or motion was stopped.
@@ -117,13 +118,13 @@ impl<P: Ports> Printer<'_, P> {
     /// print is paused.
     ///
     /// # Errors
-    /// Motion was stopped, an axis is no longer homed, or the nozzle is too cold because M108 has
-    /// ended the wait for heat. The print stays paused then, except after a halt.
+    /// Motion was stopped, an axis is no longer homed, or the nozzle is too cold because M108 ended
+    /// the wait for heat. The print then stays paused, except after a halt.
     pub async fn resume(&mut self) -> Result<(), CommandError> {
         let Some(mut paused) = self.print.paused else { return Ok(()) };
         self.tell_host("//action:prompt_end");
-        // In its place at once: otherwise it would be copied there, and take that much of the stack
-        // for the time of the wait.
+        // Pinned in place: otherwise it would be copied, and the copy would take up stack during
+        // the wait.
         pin!(self.heat_again(paused.targets_celsius)).await?;
         self.motion.finish().await?;
         let is_lost = |axis: &usize| paused.modal.homed[*axis] && !self.interpreter.modal.homed[*axis];
@@ -136,10 +137,10 @@ impl<P: Ports> Printer<'_, P> {
         }
         self.move_filament(paused.load_100pm, self.profile.pause.filament_10nm_per_s).await?;
         if let Some(paused) = &mut self.print.paused {
-            // Where the way back is stopped, the next try pushes no second time.
+            // If the return is stopped, the next try must not push a second time.
             paused.load_100pm = 0;
         }
-        // A person may have moved the nozzle, also where it had not gone aside (M0).
+        // A person may have moved the nozzle, even if it was not parked (M0).
         let [x, y, z] = paused.place_10nm;
         let [.., from_z] = self.motion.position_10nm();
         // Above the print first, then down.
@@ -147,17 +148,17 @@ impl<P: Ports> Printer<'_, P> {
         self.go([x, y, z]).await?;
         self.push_back(&paused).await?;
         self.interpreter.modal.go_on_as(&paused.modal);
-        // The skew may be another one meanwhile.
+        // The skew may have changed meanwhile.
         self.interpreter.follow_plane(paused.place_10nm);
         self.print.paused = None;
-        // A person has had it in hand.
+        // A person has handled the filament.
         self.print.lays_lines = false;
         self.resume_print_clock();
         self.tell_host("//action:resumed");
         Ok(())
     }
 
-    /// Forgets a paused print: the nozzle stays where it is, and the filament drawn back.
+    /// Discards a paused print: the nozzle stays where it is, and the filament stays retracted.
     pub fn cancel(&mut self) {
         if self.print.paused.take().is_some() {
             self.stop_print_clock(false);
@@ -165,9 +166,9 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Executes M0, M1, M125, M226, M600, M601. A host waits for the `ok` until a person continues.
-    /// A file on the desk has no person to ask and continues at once. A card is read on when
-    /// [`Self::is_paused`] returns `false`.
+    /// Executes M0, M1, M125, M226, M600 and M601. A host waits for the `ok` until a person
+    /// continues. A file on the desk has no person to ask and continues at once. A card is read on
+    /// when [`Self::is_paused`] returns `false`.
     pub(crate) async fn pause_command(
         &mut self,
         reason: PauseReason,
@@ -175,7 +176,7 @@ impl<P: Ports> Printer<'_, P> {
     ) -> Result<(), CommandError> {
         self.pause_at(reason, words).await?;
         match self.lines.source {
-            // A macro has no reader that could wait.
+            // A macro has no reader that can wait.
             Source::Card if !self.lines.is_in_macro => return Ok(()),
             Source::File => self.tell_long_pause(words.longest_ms),
             Source::Host { .. } | Source::Card => {
@@ -191,8 +192,8 @@ impl<P: Ports> Printer<'_, P> {
         self.resume().await
     }
 
-    /// Reports that a printer switches its heaters off in a pause of this length; a file is
-    /// read on at once.
+    /// Reports that a printer would switch its heaters off in a pause of this length; reading of a
+    /// file continues at once.
     fn tell_long_pause(&self, longest_ms: Option<u64>) {
         let timeout_s = self.signals.heater_timeout_s();
         let is_longer = longest_ms.is_some_and(|longest_ms| longest_ms / 1000 >= timeout_s.into());
@@ -238,7 +239,7 @@ impl<P: Ports> Printer<'_, P> {
         self.replies.say(format_args!("echo:{text}. M108 resumes"));
     }
 
-    /// Asks the person, by a host that shows prompts.
+    /// Shows the question to the person, through a host that supports prompts.
     fn show_prompt(&self, text: &str) {
         self.replies
             .say(format_args!("//action:prompt_end\n//action:prompt_begin {text}\n//action:prompt_button Continue"));
@@ -249,7 +250,7 @@ impl<P: Ports> Printer<'_, P> {
         self.tell_host("//action:prompt_show");
     }
 
-    /// Waiting place of the nozzle: X and Y by the line's words or the profile, and the height by
+    /// Parking place of the nozzle: X and Y from the line's words or the profile, and the height by
     /// which it rises (Z).
     fn park_place_10nm(&self, park: &AxisWords) -> Result<[i64; 3], CommandError> {
         let PauseSettings { place_10nm: [x, y], rise_10nm, .. } = self.profile.pause;
@@ -271,8 +272,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok([length_100pm(unload_10nm)?, length_100pm(load_10nm)?])
     }
 
-    /// The words U and L, whose signs have no meaning, or the values of M603 and the
-    /// profile, units of 10 nm.
+    /// The words U and L, whose signs are ignored, or the values of M603 and the profile, units of
+    /// 10 nm.
     fn filament_lengths_10nm(&self, unload: Option<Decimal>, load: Option<Decimal>) -> Result<[i64; 2], CommandError> {
         let length_10nm = |letter, word: Option<Decimal>| {
             let word = word.map(|value| Decimal::from_nanos(value.nanos().saturating_abs()));
@@ -282,7 +283,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok([length_10nm('U', unload)?.unwrap_or(unload_10nm), length_10nm('L', load)?.unwrap_or(load_10nm)])
     }
 
-    /// M603; without words a query.
+    /// Executes M603; without words, a query.
     pub(crate) fn filament_lengths(
         &mut self,
         unload: Option<Decimal>,
@@ -297,8 +298,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Executes M701 and M702: pushes filament in, or draws it out, at the nozzle's present place,
-    /// or `rise` above.
+    /// Executes M701 and M702: loads or unloads filament at the nozzle's present place, or `rise`
+    /// above it.
     pub(crate) async fn load_filament(
         &mut self,
         loads: bool,
@@ -328,7 +329,7 @@ impl<P: Ports> Printer<'_, P> {
         self.go([x, y, z]).await
     }
 
-    /// A word's length, units of 10 nm, which must lie between two others.
+    /// A word's length, units of 10 nm, which must lie within bounds.
     pub(crate) fn length_within_10nm(
         &self,
         letter: char,
@@ -344,7 +345,8 @@ impl<P: Ports> Printer<'_, P> {
         Err(CommandError::OutOfRange { word: letter, value, minimum, maximum })
     }
 
-    /// Draws the filament back as G10 does, if it is hot and not drawn back yet.
+    /// Retracts the filament as G10 does, if the nozzle is hot and the filament is not retracted
+    /// yet.
     async fn draw_back(&mut self, paused: &mut Paused) -> Result<(), CommandError> {
         let modal = &self.interpreter.modal;
         if modal.retracted || self.check_extrusion_temperature().is_err() {
@@ -379,7 +381,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(self.motion.finish().await?)
     }
 
-    /// Parks the nozzle: up, then aside, along the homed axes.
+    /// Parks the nozzle along the homed axes: up, then aside.
     async fn park(&mut self, [park_x, park_y, lift]: [i64; 3]) -> Result<(), CommandError> {
         let homed = self.interpreter.modal.homed;
         let [x, y, z] = self.motion.position_10nm();
@@ -391,7 +393,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Makes a move that is not the print's, to its end. A person's next commands begin there.
+    /// Makes a move that does not belong to the print, to its end. A person's next commands start
+    /// there.
     pub(crate) async fn go(&mut self, target_10nm: [i64; 3]) -> Result<(), CommandError> {
         let feed_mm_per_s = PARK_FEED_MM_PER_S;
         let request = Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.lines.number, ends_move: false };

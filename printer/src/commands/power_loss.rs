@@ -1,8 +1,8 @@
-//! A print from the card survives a power cut: M413 and M1000.
+//! M413 and M1000: a print from the card survives a power cut.
 //!
-//! While it prints, its place is kept on the card (`keep`): all that a print needs to continue
-//! (`place`), from the beginning of a line that the motors have reached. After a reset
-//! `resume` takes it there.
+//! While the card prints, its place is kept on it (`keep`): all that a print needs to continue
+//! (`place`), from the beginning of a line that the motors have reached. After a reset, `resume`
+//! continues from there.
 
 mod at_failure;
 mod keep;
@@ -13,7 +13,7 @@ use ferrostep_gcode::{CardCommand, InterruptedPrint, Reply};
 use crate::ports::{Ports, Replies};
 use crate::printer::Printer;
 
-/// Commands of the prompt's buttons, which resume the interrupted print or give it up.
+/// Commands of the prompt's buttons: resume the interrupted print, or discard it.
 pub(crate) static RESUME: CardCommand<'static> = CardCommand::Interrupted(InterruptedPrint::Resume);
 
 pub(crate) static FORGET: CardCommand<'static> = CardCommand::Interrupted(InterruptedPrint::Discard);
@@ -31,7 +31,7 @@ impl<P: Ports> Printer<'_, P> {
             return self.replies.say(format_args!("echo:Power-loss recovery {state}{supply}"));
         };
         self.print.power_loss.is_on = on;
-        // A file on the desk has no power to lose.
+        // A file on the desk cannot lose power.
         if !self.print.card.is_there() && on && self.has_host() {
             let text = "echo:power loss: the board has no slot for a card, and only prints from a card are kept";
             return self.replies.send(Reply::Text(text));

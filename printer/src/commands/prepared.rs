@@ -1,4 +1,4 @@
-//! Prepared jobs (GPRE) are entered and left; their commands are executed as from G-code.
+//! Entering and leaving prepared jobs (GPRE); their commands are executed as from G-code.
 
 use ferrostep_gcode::parse;
 use ferrostep_gpre::{LimitValues, ModalState};
@@ -13,7 +13,7 @@ use crate::motion::interpreter::MAX_EXTRUDER_10NM;
 use crate::ports::{Heating, Motion, Ports};
 use crate::printer::Printer;
 
-/// The limits, in a job's order and precision.
+/// The limits in a job's order and precision.
 fn limit_values(limits: &Limits) -> LimitValues {
     let [vx, vy, vz, ve] = limits.max_feed_mm_per_s;
     let [ax, ay, az, ae] = limits.max_acceleration_mm_per_s2;
@@ -41,7 +41,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// End of the moves taken so far, machine coordinates of the motors in units of 10 nm.
+    /// End of the moves accepted so far, motor position in machine coordinates, units of 10 nm.
     pub fn machine_10nm(&self) -> [i64; 3] {
         self.motion.position_10nm()
     }
@@ -50,7 +50,7 @@ impl<P: Ports> Printer<'_, P> {
     /// may have been changed since.
     ///
     /// # Errors
-    /// As for a move of G-code; a target beyond the soft limits is refused, not clamped.
+    /// The errors of a G-code move; a target beyond the soft limits is refused, not clamped.
     pub async fn prepared_move(&mut self, item: &PreparedMove, planned_with: &ModalState) -> Result<(), CommandError> {
         if let Some(result) = self.try_prepared_move(item, planned_with) {
             return result;
@@ -60,7 +60,7 @@ impl<P: Ports> Printer<'_, P> {
         self.note_prepared(item, now.as_ref(), moved)
     }
 
-    /// Takes a move as [`Self::prepared_move`] does if that needs no waiting; otherwise returns
+    /// Accepts a move as [`Self::prepared_move`] does if that needs no waiting; otherwise returns
     /// `None` and changes nothing.
     #[inline]
     pub fn try_prepared_move(
@@ -77,7 +77,7 @@ impl<P: Ports> Printer<'_, P> {
         Some(self.note_prepared(item, now.as_ref(), moved))
     }
 
-    /// Updates state and tallies after a prepared move was taken.
+    /// Updates state and tallies after a prepared move was accepted.
     #[inline(always)]
     fn note_prepared(
         &mut self,
@@ -101,8 +101,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Follows a move of a firmware retraction: the G-code's Z does not contain its lift,
-    /// nor E its filament.
+    /// Accounts for a move of a firmware retraction: the G-code's Z excludes its lift, and E its
+    /// filament.
     #[inline(never)]
     fn note_retraction(&mut self, z_10nm: i64, filament_100pm: i64) {
         let [.., z_before_10nm] = self.interpreter.modal.machine_10nm;
@@ -128,7 +128,7 @@ impl<P: Ports> Printer<'_, P> {
         self.supplied()?;
         if self.interpreter.modal.soft_limits {
             for axis in 0..3 {
-                // A difference below zero becomes more than any length, for all are at most 5 m.
+                // A negative difference becomes larger than any length, since all are at most 5 m.
                 let (lower, upper) = (self.profile.lower_end_10nm[axis] as i32, self.profile.size_10nm[axis] as i32);
                 let above_lower = item.target[axis].units().wrapping_sub(lower).cast_unsigned();
                 let is_outside = above_lower > upper.wrapping_sub(lower).cast_unsigned();
@@ -150,7 +150,7 @@ impl<P: Ports> Printer<'_, P> {
             && self.interpreter.modal.flow_percent == planned_with.flow_percent
     }
 
-    /// The move at the present feed and flow; `None` if they are those of its plan.
+    /// The move at the present feed and flow; `None` if they are those of the plan.
     #[cold]
     #[inline(never)]
     fn retuned(&self, item: &PreparedMove, planned_with: &ModalState) -> Option<Retuned> {
@@ -167,7 +167,7 @@ impl<P: Ports> Printer<'_, P> {
         Some(Retuned { filament_100pm, feed_mm_per_s: (feed != planned_with.feed_percent).then_some(feed_mm_per_s) })
     }
 
-    /// Follows a move that was not taken.
+    /// Updates the state after a move was refused.
     #[cold]
     #[inline(never)]
     fn refused(&mut self, error: CommandError) -> CommandError {
@@ -175,7 +175,7 @@ impl<P: Ports> Printer<'_, P> {
         error
     }
 
-    /// Executes motion of a prepared job in another encoding than the compact one. E stays as it
+    /// Executes motion of a prepared job in an encoding other than the compact one. E stays as it
     /// is, see [`Self::prepared_place`].
     ///
     /// # Errors
@@ -217,11 +217,11 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Takes over the position after the motion so far; `request` makes the planner's position
-    /// exact, which is known to less than a motor step.
+    /// exact, which is otherwise known to less than a motor step.
     ///
     /// # Errors
-    /// The motors are not there, E is out of range (units of 10 nm, as for G92), or motion was
-    /// stopped; the G-code's position has not changed.
+    /// The motors are elsewhere, E is out of range (units of 10 nm, as for G92), or motion was
+    /// stopped; the G-code's position is unchanged.
     pub async fn prepared_place(&mut self, place: &PreparedPlace, request: impl Request) -> Result<(), CommandError> {
         let PreparedPlace { position_10nm, lift_10nm, extruder_10nm } = *place;
         if extruder_10nm.unsigned_abs() > MAX_EXTRUDER_10NM as u64 {
@@ -263,7 +263,7 @@ impl<P: Ports> Printer<'_, P> {
     /// host has sent it.
     ///
     /// # Errors
-    /// It cannot be read, or not be done.
+    /// The command cannot be read or executed.
     pub async fn prepared_command(&mut self, line: u32, text: &str) -> Result<(), Failure> {
         self.lines.number = line;
         self.signals.note_host();
@@ -274,9 +274,9 @@ impl<P: Ports> Printer<'_, P> {
         self.command_with_signs_of_life(&command).await.map(|_| ()).map_err(Failure::Command)
     }
 
-    /// Ends a prepared job whose rest cannot be trusted: the moves taken are executed, to a
-    /// standstill on the path; the G-code's position is then that of the motors. Heaters
-    /// keep their targets.
+    /// Ends a prepared job whose rest cannot be trusted: the accepted moves are executed, to a
+    /// standstill on the path; the G-code's position then becomes that of the motors. Heaters keep
+    /// their targets.
     ///
     /// # Errors
     /// Motion was stopped.

@@ -1,4 +1,4 @@
-//! M900, M572 and SET_PRESSURE_ADVANCE: how far the extruder runs ahead of the flow.
+//! M900, M572 and SET_PRESSURE_ADVANCE: the lead of the extruder over the flow.
 
 use ferrostep_gcode::{AdvanceState, AdvanceWords, Decimal, Reply};
 use ferrostep_planner::{MotionChoice, PressureAdvance, SecondSlope};
@@ -8,7 +8,7 @@ use crate::error::advance_refusal::AdvanceRefusal;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
 
-/// mm of filament of 1.75 mm in a mm of a line of 0.45 x 0.2 mm.
+/// Filament of 1.75 mm in a line of 0.45 x 0.2 mm, mm per mm.
 const FILAMENT_IN_COMMON_LINE: f64 = 0.0374;
 
 /// The advance that a command asks for.
@@ -24,8 +24,8 @@ fn changed(present: PressureAdvance, words: &AdvanceWords) -> PressureAdvance {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Changes the advance. If there is one already it changes at its place among the moves; else,
-    /// and for another averaging time, the machine stops before.
+    /// Changes the advance. An existing advance changes at its place among the moves; a new one, or
+    /// another averaging time, needs a standstill first.
     pub(crate) async fn advance(&mut self, tool: Option<u8>, words: &AdvanceWords) -> Result<(), CommandError> {
         if self.advance_of_resting(tool, words)? {
             return Ok(());
@@ -61,7 +61,8 @@ impl<P: Ports> Printer<'_, P> {
         self.replies.send(Reply::PressureAdvance(AdvanceState { seconds, above, smooth_time_s }));
     }
 
-    /// The same of a tool that is not selected; `false`: of the selected one.
+    /// Changes the advance of a tool that is not selected; `false` if the words concern the
+    /// selected one.
     #[inline(never)]
     fn advance_of_resting(&mut self, tool: Option<u8>, words: &AdvanceWords) -> Result<bool, CommandError> {
         let Some(resting) = self.resting_tool(tool)? else { return Ok(false) };
@@ -75,7 +76,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(true)
     }
 
-    /// A prepared job begins with the advance under which its speeds were planned.
+    /// Restores the profile's advance: a prepared job begins with the one under which its speeds
+    /// were planned.
     pub(crate) async fn take_advance_of_profile(&mut self) -> Result<(), CommandError> {
         let pressure_advance = self.profile.motion.pressure_advance;
         let choice = self.motion.motion_choice();

@@ -1,4 +1,4 @@
-//! M31 and M75 to M78: how long a print takes, and what all prints together took.
+//! M31 and M75 to M78: the duration of a print, and the totals of all prints.
 
 use ferrostep_gcode::{PrintClockCommand, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
@@ -9,7 +9,7 @@ use crate::ports::{Heating, Ports, Replies};
 use crate::printer::Printer;
 
 impl<P: Ports> Printer<'_, P> {
-    /// M75 to M78 but for their waits.
+    /// Executes M75 to M78 except for their waits.
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
     pub(crate) fn print_clock(&mut self, command: PrintClockCommand) {
@@ -45,15 +45,15 @@ impl<P: Ports> Printer<'_, P> {
         self.print.clock.stop(self.clock.now_ms(), self.interpreter.tally.filament_100pm, is_complete);
     }
 
-    /// A wait for heat begins a host's print, as in Marlin.
+    /// Starts the clock of a host's print at a wait for heat, as in Marlin.
     pub(crate) fn print_heats(&mut self) {
         if self.print.clock.state == State::Stopped && self.modes.targets_celsius.iter().any(|celsius| *celsius > 0.0) {
             self.start_print_clock();
         }
     }
 
-    /// The last heater that is switched off ends a host's print, as in Marlin. The card knows
-    /// its end by itself.
+    /// Ends a host's print when the last heater is switched off, as in Marlin. The card knows the
+    /// end of the print it holds.
     fn print_cools(&mut self) {
         let is_cold = self.modes.targets_celsius.iter().all(|celsius| *celsius <= 0.0);
         if is_cold && self.print.card.job == Job::None && !self.is_paused() {
@@ -67,19 +67,19 @@ impl<P: Ports> Printer<'_, P> {
         self.print.clock.see_heat(self.clock.now_ms(), are_on);
     }
 
-    /// A target was set.
+    /// Updates the clock and statistics after a target was set.
     pub(crate) fn target_is_set(&mut self) {
         self.see_heat();
         self.print_cools();
     }
 
-    /// M31.
+    /// Reports M31.
     pub(crate) fn report_print_time(&self) {
         let elapsed = Duration(self.print.clock.elapsed_s(self.clock.now_ms()));
         self.replies.say(format_args!("echo:Print time: {elapsed}"));
     }
 
-    /// M78, in Marlin's words but for the last line.
+    /// Reports M78, in Marlin's words except for the last line.
     fn report_statistics(&mut self) {
         self.see_heat();
         let Statistics { prints, finished, printed_s, longest_s, filament_10mm, heated_s } =

@@ -1,4 +1,4 @@
-//! Reports for a host that asks: M114, M115, M117 to M119, M73 and M798.
+//! Reports that a host requests: M114, M115, M117 to M119, M73 and M798.
 
 use ferrostep_gcode::{EndStopState, FirmwareInfo, Position, Reply};
 
@@ -16,7 +16,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// M115.
+    /// Reports M115.
     pub(crate) fn report_firmware(&self) {
         self.replies.send(Reply::Firmware(FirmwareInfo {
             version: self.identity.version,
@@ -39,7 +39,8 @@ impl<P: Ports> Printer<'_, P> {
         }));
     }
 
-    /// M798. Switching it on clears the values, so that a report contains one measurement only.
+    /// Executes M798. Switching it on clears the values, so that a report covers one measurement
+    /// only.
     pub(crate) fn timing(&self, on: Option<bool>, clear: bool) {
         let Some(timing) = self.fitted.timing else {
             return self.replies.send(Reply::Text("echo:timing: this machine has no timer"));
@@ -58,10 +59,10 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// M119.
+    /// Reports M119.
     pub(crate) fn report_end_stops(&self) {
         const NAMES: [[&str; 2]; 3] = [["x_min", "x_max"], ["y_min", "y_max"], ["z_min", "z_max"]];
-        // Marlin's meaning: the sensor is triggered by filament.
+        // Marlin's meaning: filament triggers the sensor.
         let filament = EndStopState { name: "filament", triggered: !self.is_filament_missing() };
         let mut states = [filament; 4];
         for (axis, state) in states.iter_mut().take(3).enumerate() {
@@ -76,14 +77,15 @@ impl<P: Ports> Printer<'_, P> {
         self.replies.send(Reply::EndStops(states.get(..shown).unwrap_or_default()));
     }
 
-    /// M117: without a display the host shows it. The text of a file on the desk is not reported.
+    /// Executes M117: without a display the host shows the text. The text of a file on the desk is
+    /// not reported.
     pub(crate) fn display(&self, text: &str) {
         if self.has_host() && !text.is_empty() {
             self.replies.say(format_args!("//action:notification {text}"));
         }
     }
 
-    /// M73; without words it is a query.
+    /// Executes M73; without words, a query.
     pub(crate) fn progress(&mut self, percent: Option<u8>, minutes_left: Option<u16>) {
         let (percent_before, minutes_before) = self.print.progress;
         self.print.progress = (percent.or(percent_before), minutes_left.or(minutes_before));
@@ -93,7 +95,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// SET_PRINT_STATS_INFO: as [`Self::display`].
+    /// Executes SET_PRINT_STATS_INFO, like [`Self::display`].
     pub(crate) fn layer(&self, current: Option<u32>, total: Option<u32>) {
         if !self.has_host() {
             return;
@@ -108,7 +110,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// M118.
+    /// Executes M118.
     pub(crate) fn echo(&self, echo_prefix: bool, action_prefix: bool, text: &str) {
         let prefix = match (echo_prefix, action_prefix) {
             (true, _) => "echo:",

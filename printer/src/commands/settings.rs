@@ -1,4 +1,4 @@
-//! M201 to M221: the settings of the machine that a job may change.
+//! M201 to M221: machine settings that a job may change.
 
 use ferrostep_gcode::{AxisWords, Decimal, FeedWords, Real, Reply, RetractionWords};
 use ferrostep_planner::Limits;
@@ -11,10 +11,10 @@ use crate::settings::bounds::{LARGEST_LIMIT, PERCENTS, SMALLEST_LIMIT, in_range}
 use crate::settings::profile::SQUARE_CORNER_SHARE;
 use crate::settings::profile::filament::ExtrusionSettings;
 
-/// Ratio to the profile's feed from which on a feed is far above it.
+/// Ratio to the profile's feed above which a feed is suspicious.
 const FAR_FEED: f64 = 10.0;
 
-/// A speed or acceleration in mm, as written in a unit of `unit_mm`.
+/// Speed or acceleration in mm, from a word in units of `unit_mm`.
 fn limit(word: char, value: Decimal, unit_mm: f64) -> Result<f64, CommandError> {
     in_range(word, value.to_f64() * unit_mm, SMALLEST_LIMIT, LARGEST_LIMIT)
 }
@@ -22,7 +22,7 @@ fn limit(word: char, value: Decimal, unit_mm: f64) -> Result<f64, CommandError> 
 fn percent(value: Decimal) -> Result<u16, CommandError> {
     let [least, most] = PERCENTS;
     let percent = in_range('S', value.to_f64(), least, most)?;
-    // Whole percents, as Marlin: so that a flow times a length stays exact.
+    // Whole percents, as in Marlin, so that a flow times a length stays exact.
     Ok(percent as u16)
 }
 
@@ -37,7 +37,7 @@ fn set_axes(limits: &mut [f64; 4], words: &AxisWords, unit_mm: f64) -> Result<()
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// M201.
+    /// Executes M201.
     pub(crate) fn set_max_acceleration(&mut self, words: &AxisWords) -> Result<(), CommandError> {
         let mut limits = self.motion.limits();
         set_axes(&mut limits.max_acceleration_mm_per_s2, words, self.interpreter.modal.unit_mm())?;
@@ -45,7 +45,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// M203.
+    /// Executes M203.
     pub(crate) fn set_max_feed(&mut self, words: &AxisWords) -> Result<(), CommandError> {
         let mut limits = self.motion.limits();
         set_axes(&mut limits.max_feed_mm_per_s, words, self.interpreter.modal.unit_mm())?;
@@ -54,8 +54,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Reports those feeds of a line that are so far above the profile's that they may be in
-    /// another firmware's unit.
+    /// Reports feeds of a line that are so far above the profile's that they may be in another
+    /// firmware's unit.
     #[inline(never)]
     fn tell_far_feeds(&self, words: &AxisWords, feeds_mm_per_s: &[f64; 4]) {
         let words = [words.x, words.y, words.z, words.e];
@@ -74,7 +74,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// M204; S sets print and travel, and P and T win over it.
+    /// Executes M204; S sets print and travel, and P and T override it.
     pub(crate) fn set_acceleration(
         &mut self,
         print: Option<Decimal>,
@@ -103,7 +103,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// SET_VELOCITY_LIMIT.
+    /// Executes SET_VELOCITY_LIMIT.
     pub(crate) fn set_velocity_limit(
         &mut self,
         velocity: Option<Decimal>,
@@ -128,8 +128,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Keeps the speed of corners, if the profile asks for it, and not their deviation: that is the
-    /// speed's square over the acceleration.
+    /// Keeps the corner speed rather than the junction deviation, if the profile asks for it: the
+    /// deviation is the speed's square over the acceleration.
     fn hold_corner_speed(&self, limits: &mut Limits, before_mm_per_s2: f64) {
         if self.profile.holds_corner_speed {
             let deviation = limits.junction_deviation_mm * before_mm_per_s2 / limits.print_acceleration_mm_per_s2;
@@ -137,7 +137,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// M205 J, and X Y Z E.
+    /// Executes M205 with J, and with X, Y, Z and E.
     pub(crate) fn set_corners(
         &mut self,
         deviation: Option<Decimal>,
@@ -148,7 +148,7 @@ impl<P: Ports> Printer<'_, P> {
         if let Some(value) = deviation {
             limits.junction_deviation_mm = in_range('J', value.to_f64() * unit_mm, 0.000_01, 10.0)?;
         }
-        // An axis without such a limit keeps to the junction deviation alone, as in Marlin where
+        // For an axis without such a limit only the junction deviation counts, as in Marlin where
         // that is compiled in.
         let of_profile = limits.instantaneous_corner_velocity_mm_per_s;
         set_axes(&mut limits.instantaneous_corner_velocity_mm_per_s, corner_velocity, unit_mm)?;
@@ -161,7 +161,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// M207 and M208.
+    /// Executes M207 and M208.
     pub(crate) fn set_retraction(&mut self, words: &RetractionWords, recover: bool) -> Result<(), CommandError> {
         let mut settings = self.interpreter.modal.retraction;
         let length = |word: char, value: Decimal, largest_mm: f64| -> Result<i64, CommandError> {
@@ -194,7 +194,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// M220.
+    /// Executes M220.
     pub(crate) fn feed_percent(&mut self, words: FeedWords) -> Result<(), CommandError> {
         let percent = words.percent.map(percent).transpose()?;
         let modal = &mut self.interpreter.modal;
@@ -211,7 +211,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// M221.
+    /// Executes M221.
     pub(crate) fn flow_percent(&mut self, tool: Option<u8>, value: Option<Decimal>) -> Result<(), CommandError> {
         if let Some(resting) = self.resting_tool(tool)? {
             match value {
@@ -230,7 +230,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// M795; it applies to the moves after it.
+    /// Executes M795, which applies to later moves.
     pub(crate) fn adaptive_extrusion(
         &mut self,
         on: Option<bool>,
@@ -257,7 +257,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// M211.
+    /// Executes M211.
     pub(crate) fn soft_limits(&mut self, enabled: Option<bool>) {
         match enabled {
             Some(enabled) => self.interpreter.modal.soft_limits = enabled,
@@ -270,7 +270,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     // ANCHOR: m302
-    /// M302.
+    /// Executes M302.
     pub(crate) fn cold_extrusion(&mut self, minimum: Option<Decimal>, allow: Option<bool>) -> Result<(), CommandError> {
         if let Some(value) = minimum {
             self.interpreter.modal.min_extrusion_celsius = in_range('S', value.to_f64(), 0.0, 500.0)? as f32;

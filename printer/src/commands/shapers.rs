@@ -1,4 +1,4 @@
-//! M593 and SET_INPUT_SHAPER: the filters of X and Y.
+//! M593 and SET_INPUT_SHAPER: the input shapers of X and Y.
 
 use core::fmt::Write as _;
 
@@ -13,7 +13,7 @@ use crate::printer::Printer;
 /// RepRapFirmware's names for two and three humps.
 const OTHER_NAMES: [(&str, ShaperKind); 2] = [("ei2", ShaperKind::TwoHumpEi), ("ei3", ShaperKind::ThreeHumpEi)];
 
-/// The kind of this name, in upper or lower case.
+/// Shaper kind of this name, in upper or lower case.
 fn kind_of(name: &str) -> Result<ShaperKind, CommandError> {
     let mut others =
         OTHER_NAMES.into_iter().filter(|(known, _)| known.eq_ignore_ascii_case(name)).map(|(_, kind)| kind);
@@ -24,13 +24,13 @@ fn kind_of(name: &str) -> Result<ShaperKind, CommandError> {
 /// The name of a kind: at most `mzv(5,1.999)`.
 fn name_of(kind: ShaperKind) -> heapless::String<12> {
     let mut name = heapless::String::new();
-    // It has room for every name.
+    // Every name fits.
     let _ = write!(name, "{kind}");
     name
 }
 
-/// The changed filter of an axis; `usual` is the kind for an axis without a filter that
-/// gets a frequency.
+/// The changed filter of an axis; `usual` is the kind that an axis without a filter gets together
+/// with a frequency.
 fn changed(
     axis: u8,
     present: AxisShaper,
@@ -55,7 +55,7 @@ fn changed(
         }
         None => {}
     }
-    // The numbers of an axis without a filter are those of its next one.
+    // An axis without a filter keeps the numbers for its next one.
     let checked = AxisShaper { kind: if shaper.kind == ShaperKind::None { usual } else { shaper.kind }, ..shaper };
     match smooth_ticks(smooth_time_s).and_then(|ticks| checked.kernel_beside(ticks)) {
         Ok(_) => Ok(shaper),

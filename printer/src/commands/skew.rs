@@ -13,14 +13,14 @@ use crate::printer::Printer;
 /// The planes, in the order of the factors.
 const PLANES: [&str; 3] = ["XY", "XZ", "YZ"];
 
-/// The factor of a plane by measured lengths, if a machine may be that skew.
+/// Factor of a plane from measured lengths, if a machine may be that skew.
 fn measured(plane: usize, lengths: &Diagonals) -> Result<f64, CommandError> {
     let Diagonals { ac_10nm, bd_10nm, ad_10nm } = *lengths;
     let factor = Skew::factor_of_diagonals([ac_10nm, bd_10nm, ad_10nm].map(NonZeroU32::get));
     within(plane, factor.unwrap_or(f32::INFINITY))
 }
 
-/// A factor of a plane, if a machine may be that skew.
+/// Factor of a plane, if a machine may be that skew.
 #[inline(never)]
 fn within(plane: usize, factor: f32) -> Result<f64, CommandError> {
     // NaN is in no range.
@@ -32,8 +32,8 @@ fn within(plane: usize, factor: f32) -> Result<f64, CommandError> {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// M852 and its like, at standstill if they change something. The motors stay, and the
-    /// coordinates change.
+    /// Executes M852 and its equivalents, at standstill if they change something. The motors do not
+    /// move; the coordinates change.
     #[inline(never)]
     pub(crate) fn skew(&mut self, command: &SkewCommand) -> Result<(), CommandError> {
         let mut factors = self.interpreter.skew.factors();
@@ -70,13 +70,14 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     fn say_skew(&self, what: &str, factor: f64) -> Result<(), CommandError> {
-        // Klipper takes the tangent for the angle as well.
+        // Klipper also takes the tangent for the angle.
         let (radians, degrees) = (Real::fixed(factor, 6), Real::fixed(f64::from((factor as f32).to_degrees()), 2));
         self.replies.say(format_args!("echo:{what} Skew: {radians} radians, {degrees} degrees"));
         Ok(())
     }
 
-    /// Sets the skew, at standstill: the motors stay, and the G-code's position becomes theirs.
+    /// Sets the skew, at standstill: the motors do not move, and the G-code's position becomes
+    /// theirs.
     pub(crate) fn set_skew(&mut self, skew: Skew) {
         if skew != self.interpreter.skew {
             self.interpreter.skew = skew;
@@ -84,7 +85,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Returns true if the axes are off their right angles.
+    /// Returns true if the axes are not at right angles.
     pub fn is_skew(&self) -> bool {
         self.interpreter.skew != Skew::NONE
     }

@@ -1,8 +1,8 @@
-//! M500 to M504: settings that survive the power.
+//! M500 to M504: settings that survive a power-off.
 //!
 //! A memory keeps the values that differ from the profile's
-//! ([`crate::settings::stored::groups::Group::all`]): where a new image brings a better profile,
-//! that one's values come into force wherever no others were set.
+//! ([`crate::settings::stored::groups::Group::all`]): if a new image brings a better profile, its
+//! values apply wherever no others were set.
 
 mod in_force;
 mod mesh;
@@ -22,7 +22,7 @@ use crate::printer::{KeepsSettings, Printer};
 use crate::settings::stored::groups::{Group, Setting, Shown};
 use crate::settings::stored::values::{Parts, ToolValues, Values, advance_numbers};
 
-/// Optional parts of the machine that have settings.
+/// Optional parts of a machine that have settings.
 type PartsOf<P> = (
     <<P as Ports>::Heating as Heating>::Models,
     <<P as Ports>::Motion as Motion>::Tools,
@@ -32,17 +32,17 @@ type PartsOf<P> = (
 /// Contents of the settings memory.
 struct Stored<M: Parts> {
     values: Values<M>,
-    /// Values in the memory that this machine knows.
+    /// Stored values that this machine knows.
     known: usize,
-    /// Values of another version, or of another machine.
+    /// Values from another version or another machine.
     foreign: usize,
-    /// Number of values that were mended.
+    /// Number of corrected values.
     faults: usize,
-    /// Values that differ from the profile's; `None`: they are not counted.
+    /// Number of values that differ from the profile's; `None` if they are not counted.
     differ: Option<usize>,
     /// Points of the mesh along X and Y.
     mesh: Option<[u8; 2]>,
-    /// Totals of the machine's life.
+    /// Totals over the machine's life.
     statistics: Statistics,
 }
 
@@ -57,15 +57,15 @@ impl<M: Parts> fmt::Display for Stored<M> {
     }
 }
 
-/// The name of [`Statistics`] in a memory, whose settings have the names of a profile's keys.
+/// Name of [`Statistics`] in a memory, in which settings have the names of a profile's keys.
 const STATISTICS: u16 = id_of("statistics");
 
-/// Maximum number of stored values named because they differ from the profile's: more would be too
-/// many lines for a start.
+/// Maximum number of stored values that are named because they differ from the profile's: more
+/// would be too many lines at startup.
 const MAX_NAMED: usize = 6;
 
-/// The setting of an entry; `None` where this firmware does not know it, or this machine
-/// does not have it.
+/// The setting of an entry; `None` if this firmware does not know it or this machine does not have
+/// it.
 fn setting_of<M: Parts>(entry: Entry) -> Option<(&'static Group<M>, &'static Setting<M>)> {
     for group in Group::all() {
         for setting in group.settings {
@@ -101,14 +101,14 @@ impl<P: Ports, M: SettingsMemory> KeepsSettings<P> for M {
 }
 
 impl<'a, P: Ports> Printer<'a, P> {
-    /// M500 to M502 wait until all motion has ended.
+    /// True for commands that wait until all motion has ended: M500 to M502.
     pub(crate) const fn needs_standstill(command: SettingsCommand) -> bool {
         matches!(command, SettingsCommand::Store | SettingsCommand::Load | SettingsCommand::Reset)
     }
 
-    /// M500 to M502, at standstill.
-    // Not inlined: in the future of the commands that wait it would take much room. And the parts
-    // that need much of the stack, the settings and the motion's methods, do not nest.
+    /// Executes M500 to M502, at standstill.
+    // Not inlined: it would enlarge the future of the waiting commands. The parts that need much
+    // stack, the settings and the motion's methods, also do not nest.
     #[inline(never)]
     pub(crate) fn change_settings(&mut self, command: SettingsCommand) {
         let choice =
@@ -116,7 +116,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.choose_stored_motion(choice);
     }
 
-    /// M503 and M504.
+    /// Executes M503 and M504.
     #[inline(never)]
     pub(crate) fn show_settings(&mut self, command: SettingsCommand) {
         match command {
@@ -127,7 +127,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// M502.
+    /// Executes M502.
     #[inline(never)]
     fn reset_settings(&mut self) -> Option<MotionChoice> {
         let values = self.profile_values();
@@ -136,7 +136,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.put_in_force(&values)
     }
 
-    /// M500, M501 and M504, if there is a memory.
+    /// Executes M500, M501 and M504, if there is a memory.
     fn keep_settings(&mut self, command: SettingsCommand) -> Option<MotionChoice> {
         let Some(memory) = self.fitted.settings_memory else {
             let text = "echo:M500, M501, M504: this machine has no memory for settings: write them into the profile";
@@ -146,7 +146,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         memory.keep(self, Some(command))
     }
 
-    /// Sets the filters and the advance of stored settings, at standstill.
+    /// Applies the stored filters and advance, at standstill.
     fn choose_stored_motion(&mut self, choice: Option<MotionChoice>) {
         if choice.is_some_and(|choice| self.motion.set_motion_choice(&choice).is_err()) {
             let text = "echo:settings: input_shaper and pressure_advance cannot be set on this machine";
@@ -154,14 +154,14 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Settings survive the power there (M500); those that are stored come into force with
-    /// [`Self::restore_settings`].
+    /// Gives the printer a memory in which settings survive a power-off (M500);
+    /// [`Self::restore_settings`] applies the stored ones.
     pub fn set_settings_memory(&mut self, memory: &'a impl SettingsMemory) {
         self.fitted.settings_memory = Some(memory);
     }
 
-    /// Returns true if M500, M501 or M502 has no effect now, in a print whose plan is
-    /// made, and reports it.
+    /// Returns true, and reports it, if M500, M501 or M502 has no effect now because a print is
+    /// already planned.
     pub(crate) fn refuse_settings(&self, command: SettingsCommand) -> bool {
         let prints = self.interpreter.modal.in_prepared_job || self.prints_from_card() || self.is_paused();
         let refused = prints && Self::needs_standstill(command);
@@ -171,8 +171,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         refused
     }
 
-    /// Puts the stored settings in force, as the machine is switched on; no report if
-    /// none are stored.
+    /// Applies the stored settings at power-on; no report if none are stored.
     pub fn restore_settings(&mut self) {
         if let Some(memory) = self.fitted.settings_memory {
             let choice = memory.keep(self, None);
@@ -180,8 +179,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Stores the machine's statistics, at standstill, except during a print, or with heaters on if
-    /// the memory needs them off. A later standstill does it then.
+    /// Stores the machine's statistics at standstill, except during a print, or while heaters are
+    /// on if the memory needs them off. A later standstill then does it.
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
     pub(crate) fn keep_statistics(&mut self) {
@@ -191,12 +190,12 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// The settings of the drivers that can be set.
+    /// Settings of the drivers that can be configured.
     fn live_drivers(&self) -> [Option<DriverSettings>; 4] {
         [0, 1, 2, 3].map(|motor| self.live_driver(motor))
     }
 
-    /// The settings of a motor's driver, if it can be set.
+    /// Settings of a motor's driver, if it can be configured.
     fn live_driver(&self, motor: usize) -> Option<DriverSettings> {
         Some(self.fitted.drivers?.report(motor)?.settings)
     }
@@ -257,7 +256,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         values
     }
 
-    /// M503.
+    /// Reports M503.
     fn report_settings(&mut self, headings: bool) {
         let mut values = self.live_values();
         if headings {
@@ -269,7 +268,7 @@ impl<'a, P: Ports> Printer<'a, P> {
             for axis in 0..group.axes.map_or(1, str::len) {
                 let mut text = Text::new();
                 let _ = text.push_str("echo:  ");
-                // It has room for every command.
+                // Every command fits.
                 if group.write_command(&mut values, axis, &mut text) != Ok(true) {
                     continue;
                 }
@@ -282,7 +281,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.report_stored_mesh();
     }
 
-    /// M201 to M208 without words: their line of M503.
+    /// Reports for M201 to M208 without words the corresponding line of M503.
     #[inline(never)]
     pub(crate) fn report_setting(&self, code: &str) {
         let mut values = self.live_values();
@@ -295,8 +294,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// M500.
-    // Not inlined, as those below: each needs much of the stack, and they never nest.
+    /// Executes M500.
+    // Not inlined, like those below: each needs much stack, and they never nest.
     #[inline(never)]
     fn store_settings(&mut self, memory: &dyn SettingsMemory) {
         let (mut live, mut of_profile) = (self.live_values(), self.profile_values());
@@ -336,7 +335,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Adds the statistics' numbers that are not 0. `false`: the record is full.
+    /// Adds the statistics' numbers that are not 0; `false` if the record is full.
     #[inline(never)]
     fn add_statistics(&mut self, record: &mut RecordWriter) -> bool {
         for (index, number) in (0..).zip(self.print.clock.statistics.numbers_mut()) {
@@ -347,8 +346,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         true
     }
 
-    /// Copies the stored settings. `false`: there is a record that cannot be read, or
-    /// it does not fit.
+    /// Copies the stored settings; `false` if the stored record cannot be read or does not fit.
     #[inline(never)]
     fn copy_settings(&self, memory: &dyn SettingsMemory, to: &mut RecordWriter) -> bool {
         let mut slot = [0; SLOT_BYTES];
@@ -360,15 +358,14 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Returns true if heaters are on and the processor would be stopped while the
-    /// memory is written.
-    // Generic over the memory: for one that never stalls none of this is compiled.
+    /// Returns true if heaters are on and writing the memory would stall the processor.
+    // Generic over the memory: for one that never stalls, none of this is compiled.
     fn may_not_stall(&self, memory: &impl SettingsMemory) -> bool {
         memory.stalls() && Heater::ALL.into_iter().any(|heater| self.heating.status(heater).target_celsius > 0.0)
     }
 
-    /// Writes the stored record anew, with other statistics. One that cannot be read stays as
-    /// it is until M500.
+    /// Rewrites the stored record with new statistics. An unreadable record stays as it is until
+    /// M500.
     #[inline(never)]
     fn store_statistics(&mut self, memory: &dyn SettingsMemory) {
         let mut record = RecordWriter::new(self.profile.name);
@@ -384,7 +381,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Executes M501. With `is_start` an empty memory is not reported.
+    /// Executes M501. With `is_start`, an empty memory is not reported.
     #[inline(never)]
     fn load_settings(&mut self, memory: &dyn SettingsMemory, is_start: bool) -> Option<MotionChoice> {
         let stored = self.read_settings(memory, "M501", is_start)?;
@@ -398,8 +395,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.put_in_force(&stored.values)
     }
 
-    /// The profile's values, replaced by the stored ones. Stored values that cannot
-    /// be used are named.
+    /// The profile's values, replaced by the stored ones. Unusable stored values are named.
     #[inline(never)]
     fn read_settings(
         &self,
@@ -449,7 +445,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     fn take_entry(&self, entry: Entry, stored: &mut Stored<PartsOf<P>>) {
         let index = usize::from(entry.index);
         if entry.id == STATISTICS {
-            // A number that we do not have counts as the nearest that could be.
+            // A number that does not fit the type counts as the nearest possible one.
             if let Some(number) = stored.statistics.numbers_mut().into_iter().nth(index) {
                 *number = entry.value as u32;
             }
@@ -482,8 +478,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         } else if let Some(differ) = &mut stored.differ
             && entry.value != before
         {
-            // An image with a new profile has not changed this value: who has flashed
-            // it is to see that.
+            // An image with a new profile has not changed this value; whoever flashed it should see
+            // that.
             *differ = differ.saturating_add(1);
             if *differ <= MAX_NAMED {
                 self.replies.say(format_args!(

@@ -9,15 +9,15 @@ use crate::part::Part;
 use crate::ports::{Heating, Ports, Replies};
 use crate::printer::Printer;
 
-/// Time from M80 until the supply's voltage is taken as steady, ms: an ATX supply reports that
-/// within 500 ms (ATX12V Power Supply Design Guide 2.2, 3.3.1).
+/// Time from M80 until the supply's voltage counts as steady, ms: an ATX supply reports that within
+/// 500 ms (ATX12V Power Supply Design Guide 2.2, 3.3.1).
 const POWER_GOOD_MS: u64 = 500;
 
-/// Temperature below which the nozzle does not need its fan any more, degrees Celsius: the hot
-/// end's fan switches off there as well.
+/// Temperature below which the nozzle no longer needs its fan, degrees Celsius: the hot end's fan
+/// switches off there as well.
 const COOL_CELSIUS: f32 = 45.0;
 
-/// Masks of all motors.
+/// Mask of all motors.
 const ALL_MOTORS: u8 = 0b1111;
 
 impl<P: Ports> Printer<'_, P> {
@@ -35,7 +35,7 @@ impl<P: Ports> Printer<'_, P> {
         if is_off { Err(CommandError::SupplyOff) } else { Ok(()) }
     }
 
-    /// Refuses a command that would have no effect while the supply is off. Targets are looked at
+    /// Refuses a command that would have no effect while the supply is off. Targets are checked
     /// where they are set.
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
@@ -65,7 +65,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// M80, M81, on a machine whose supply can be switched.
+    /// Executes M80 and M81, on a machine whose supply can be switched.
     pub(crate) async fn supply(&mut self, command: SupplyCommand) -> Result<(), CommandError> {
         match command {
             SupplyCommand::Report => {
@@ -82,7 +82,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// The drivers have lost their settings with their supply.
+    /// Sets the drivers up again: they lost their settings together with their supply.
     fn set_drivers_up_again(&mut self) -> Result<(), CommandError> {
         let Some(drivers) = self.fitted.drivers else { return Ok(()) };
         for motor in 0..MOST_MOTORS {
@@ -92,14 +92,14 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// M81: motion ends, then heaters, motors and fans go off, and then the supply.
+    /// Executes M81: motion ends, then heaters, motors and fans go off, and then the supply.
     async fn supply_off(&mut self, when_cool: bool) -> Result<(), CommandError> {
         self.everything_off(when_cool).await?;
         self.heating.set_supply(false);
         Ok(())
     }
 
-    /// M81 but for the supply, which stays on where it cannot be switched.
+    /// Executes M81 except for the supply, which stays on if it cannot be switched.
     pub(crate) async fn everything_off(&mut self, when_cool: bool) -> Result<(), CommandError> {
         if self.is_paused() || self.is_of_other_print() {
             return Err(CommandError::SupplyInUse);

@@ -18,14 +18,14 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.profile.heater(heater).ok_or(CommandError::NotEquipped(heater.name()))
     }
 
-    /// M104, M140, M141.
+    /// Executes M104, M140 and M141.
     pub(crate) fn set_temperature(&mut self, heater: Heater, celsius: f64) -> Result<(), CommandError> {
         let settings = self.heater_settings(heater)?;
-        // In the control's precision: rounding must not take it to the maximum.
+        // In the precision of the control: rounding must not raise it to the maximum.
         let target = celsius as f32;
         if target >= settings.max_celsius || target > settings.max_target_celsius {
-            // At the maximum the heater is switched off, so that a target must be below it; one
-            // that the profile allows may be it.
+            // At the maximum the heater is switched off, so a target must be below it; the
+            // profile's largest target itself is allowed.
             let below = settings.max_target_celsius >= settings.max_celsius;
             return Err(CommandError::TooHot { celsius, maximum_celsius: settings.max_target_celsius, below });
         }
@@ -40,17 +40,17 @@ impl<'a, P: Ports> Printer<'a, P> {
         Ok(())
     }
 
-    /// Returns true if the machine knows its chamber's temperature.
+    /// Returns true if the machine measures its chamber's temperature.
     pub(crate) fn has_chamber(&self) -> bool {
         self.heating.chamber_is_heated().is_some()
     }
 
-    /// M141. Without a chamber the line has its remark.
+    /// Executes M141. Without a chamber the line only gets its remark.
     pub(crate) fn set_chamber(&mut self, celsius: Decimal) -> Result<(), CommandError> {
         if self.has_chamber() { self.set_temperature(Heater::Chamber, celsius.to_f64()) } else { Ok(()) }
     }
 
-    /// The nozzles of all tools are off.
+    /// Switches off the nozzles of all tools.
     pub(crate) fn nozzles_off(&mut self) -> Result<(), CommandError> {
         self.set_temperature(Heater::Nozzle, 0.0)?;
         if self.heating.has_nozzles() { self.set_temperature(Heater::Nozzle1, 0.0) } else { Ok(()) }
@@ -62,15 +62,15 @@ impl<'a, P: Ports> Printer<'a, P> {
         is_on(Heater::Nozzle) || self.heating.has_nozzles() && is_on(Heater::Nozzle1)
     }
 
-    /// Returns true if any heater was switched off as unused: commands have set a
-    /// target, and it is gone.
+    /// Returns true if any heater was switched off as unused: commands have set a target that is
+    /// now gone.
     pub(crate) fn have_heaters_rested(&self) -> bool {
         let mut targets = Heater::ALL.into_iter().zip(self.modes.targets_celsius);
         targets.any(|(heater, celsius)| celsius > 0.0 && self.heating.status(heater).target_celsius <= 0.0)
     }
 
-    /// A new print begins, or one was given up: heaters that are off stay off until they
-    /// get a new target.
+    /// Keeps heaters that are off from being heated again until they get a new target, because a
+    /// new print begins or one was given up.
     pub(crate) fn forget_rested_heaters(&mut self) {
         for heater in Heater::ALL {
             if self.heating.status(heater).target_celsius <= 0.0 {
@@ -79,8 +79,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Waits until heaters are as hot as a print has left them; those that were switched off
-    /// meanwhile (M86) heat up again.
+    /// Waits until heaters are as hot as a print left them; those switched off meanwhile (M86) heat
+    /// up again.
     pub(crate) async fn heat_again(&mut self, targets_celsius: [f32; Heater::COUNT]) -> Result<(), CommandError> {
         let is_meant = |(heater, celsius): &(Heater, f32)| *celsius > 0.0 && self.profile.heater(*heater).is_some();
         let targets = Heater::ALL.into_iter().zip(targets_celsius).filter(is_meant);
@@ -99,9 +99,9 @@ impl<'a, P: Ports> Printer<'a, P> {
         Ok(())
     }
 
-    /// M109, M190, M191: until the temperature has stayed near its target for the profile's
-    /// residency time. S waits only if it has to heat, and then also until an overshoot has passed.
-    /// M108 ends the wait, not the heating.
+    /// Executes the wait of M109, M190 and M191: until the temperature has stayed near its target
+    /// for the profile's residency time. S waits only if heating is needed, and then also until an
+    /// overshoot has passed. M108 ends the wait, not the heating.
     pub(crate) async fn wait_for_heat(&mut self, heater: Heater, target: WaitTarget) -> Result<(), CommandError> {
         let until = match target {
             WaitTarget::Heating(value) => {
@@ -117,7 +117,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         };
         self.print_heats();
         // An M108 sent before this command does not end its wait; one during the end of the
-        // motion before does.
+        // previous motion does.
         self.signals.take_end_wait();
         self.motion.finish().await?;
         self.wait_until(heater, until).await

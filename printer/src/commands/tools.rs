@@ -1,12 +1,12 @@
-//! T, and the values that belong to a tool: M218, and M92, M221 and M572 of one that
-//! is not selected.
+//! T, and the values that belong to a tool: M218, and M92, M221 and M572 for a tool that is not
+//! selected.
 //!
-//! The machine's coordinates are those of T0's nozzle, whichever tool is selected: limits, homing,
-//! the probe and the bed know no other. The offset of the selected nozzle is a part of the
-//! G-code's, beside those of G92 and M206.
+//! Machine coordinates are those of T0's nozzle, whichever tool is selected: limits, homing, the
+//! probe and the bed use no others. The offset of the selected nozzle is part of the G-code's,
+//! together with those of G92 and M206.
 //!
-//! A change makes the steps of Marlin's (`Marlin/src/module/tool_change.cpp`), which cuts Z to its
-//! travel and always raises by the same height.
+//! A change makes the same steps as Marlin's (`Marlin/src/module/tool_change.cpp`), which clamps Z
+//! to its travel and always raises by the same height.
 
 use ferrostep_gcode::{AxisWords, Decimal, Real};
 use ferrostep_hal_shim::{FanOutput, Heater};
@@ -33,20 +33,20 @@ const OTHER_TOOL: &str = "T: this command sets the selected tool: select the oth
 const OF_FIRST: &str = "M218: offsets are measured from T0's nozzle: set T1's";
 const WITH_FIRST: &str = "a prepared job is for T0: send T0 first";
 
-/// A change whose end has been found possible. Places are the carriage's, as the G-code would ask
-/// for them with T0.
+/// A change that has been found possible. Places are those of the carriage, as the G-code would
+/// request them with T0.
 #[derive(Clone, Copy, Debug)]
 struct Change {
     /// Present place of the carriage.
     from_10nm: [i64; 3],
     /// The nozzle's place after the change.
     to_10nm: [i64; 3],
-    /// The axes where the new nozzle cannot reach the old one's place.
+    /// Axes on which the new nozzle cannot reach the old one's place.
     clamped: [bool; 3],
 }
 
 impl<'a, P: Ports> Printer<'a, P> {
-    /// The tools beside T0.
+    /// The tools other than T0.
     pub(crate) fn further_tools(&self) -> Option<&'a Tools> {
         if !ToolsPart::<P>::PRESENT {
             return None;
@@ -71,8 +71,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         ToolsPart::<P>::get(&self.modes.tools).map_or(0, |tools| tools.selected)
     }
 
-    /// The selected tool, and the offset from T0's nozzle, whose place is the machine's, to the
-    /// tool's; units of 10 nm.
+    /// The selected tool, and its nozzle's offset from T0's, whose place is the machine's; units of
+    /// 10 nm.
     pub fn tool_in_use(&self) -> (u8, [i64; 3]) {
         (self.selected_tool(), self.tool_offset_10nm())
     }
@@ -82,27 +82,27 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.nozzle_of(None).unwrap_or(Heater::Nozzle)
     }
 
-    /// The heater of a tool's nozzle, or of the selected one's.
+    /// The heater of the nozzle of a tool, or of the selected one.
     ///
     /// # Errors
-    /// The machine has several tools, and none with this number. Where it has one, a line for
-    /// another has a remark, and no effect.
+    /// The machine has several tools, but none with this number. On a machine with one tool, a line
+    /// for another gets a remark and has no effect.
     pub(crate) fn nozzle_of(&self, tool: Option<u8>) -> Result<Heater, CommandError> {
         let Some(tools) = self.further_tools() else { return Ok(Heater::Nozzle) };
         let tool = self.tool(tool)?;
         Ok(tools.heater_of(tool))
     }
 
-    /// Returns true if a line is for a further tool and the machine has only one: it
-    /// then has no effect.
+    /// Returns true if a line is for a further tool and the machine has only one: the line then has
+    /// no effect.
     pub(crate) fn is_for_no_tool(&self, tool: Option<u8>) -> bool {
         self.further_tools().is_none() && tool.is_some_and(|tool| tool > 0)
     }
 
-    /// Tool that a line is for.
+    /// The tool that a line is for.
     ///
     /// # Errors
-    /// The machine does not have a tool of this number.
+    /// The machine has no tool with this number.
     pub(crate) fn tool(&self, tool: Option<u8>) -> Result<u8, CommandError> {
         match tool {
             None => Ok(self.selected_tool()),
@@ -119,7 +119,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     /// Values of the tool that a line names, if it is not the selected one.
     ///
     /// # Errors
-    /// The machine does not have a tool of this number.
+    /// The machine has no tool with this number.
     pub(crate) fn resting_tool(&mut self, tool: Option<u8>) -> Result<Option<&mut OfTool>, CommandError> {
         if self.further_tools().is_none() {
             return Ok(None);
@@ -129,7 +129,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         Ok(if tool == tools.selected { None } else { tools.tools.get_mut(usize::from(tool)) })
     }
 
-    /// Refuses a command for another tool than the selected one.
+    /// Refuses a command for a tool other than the selected one.
     pub(crate) fn needs_selected(&self, tool: Option<u8>) -> Result<(), CommandError> {
         if self.further_tools().is_none() || self.tool(tool)? == self.selected_tool() {
             Ok(())
@@ -138,7 +138,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Refuses commands for T0 alone.
+    /// Refuses a command that only works with T0.
     pub(crate) fn needs_first_tool(&self) -> Result<(), CommandError> {
         if self.selected_tool() == 0 { Ok(()) } else { Err(CommandError::Tool(WITH_FIRST)) }
     }
@@ -149,7 +149,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         tools.map_or([0; 3], |tools| tools.offset_10nm(tools.selected))
     }
 
-    /// Coordinates become those of T0's nozzle, until [`Self::take_tool_offset`].
+    /// Makes coordinates those of T0's nozzle, until [`Self::take_tool_offset`].
     pub(crate) fn leave_tool_offset(&mut self) {
         if ToolsPart::<P>::PRESENT {
             let offset_10nm = self.tool_offset_10nm();
@@ -157,7 +157,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Coordinates become those of the selected nozzle.
+    /// Makes coordinates those of the selected nozzle.
     pub(crate) fn take_tool_offset(&mut self) {
         if ToolsPart::<P>::PRESENT {
             let offset_10nm = self.tool_offset_10nm();
@@ -165,7 +165,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Steps of the extruder of a tool, or of the selected one, as the profile has them.
+    /// The profile's extruder steps for a tool, or for the selected one.
     pub(crate) fn steps_of_profile(&self, tool: Option<u8>) -> StepsPerMm {
         let tool = tool.unwrap_or(self.selected_tool());
         let further = self.further_tools().and_then(|tools| tools.get(tool));
@@ -183,18 +183,17 @@ impl<'a, P: Ports> Printer<'a, P> {
         further.map_or(FanOutput::Part, FurtherTool::part_fan)
     }
 
-    /// T alone.
+    /// Reports the selected tool for T alone.
     pub(crate) fn report_tool(&self) {
         self.replies.say(format_args!("Active Extruder: {}", self.selected_tool()));
     }
 
-    /// Executes T: at a standstill the new tool's motor, heater, offset and values replace the old
+    /// Executes T: at standstill the new tool's motor, heater, offset and values replace the old
     /// one's. With all axes homed its nozzle goes to the old one's place, unless it `stays`. The
     /// new tool's filament is pushed as far as the old one's was.
     ///
     /// # Errors
-    /// The tool does not exist or cannot go there, and everything is unchanged; or
-    /// motion was stopped.
+    /// The tool does not exist or cannot go there, and nothing has changed; or motion was stopped.
     pub(crate) async fn change_tool(&mut self, number: u32, stays: bool) -> Result<(), CommandError> {
         let Some(Tools { change: settings, .. }) = self.further_tools() else { return Ok(()) };
         let Ok(tool) = u8::try_from(number) else { return Err(CommandError::Tool(NO_SUCH_TOOL)) };
@@ -248,7 +247,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         Ok(())
     }
 
-    /// Marlin's line.
+    /// Reports the selected tool in Marlin's words.
     fn tell_tool(&self, tool: u8) {
         self.replies.say(format_args!("echo:Active Extruder: {tool}"));
     }
@@ -270,7 +269,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         Ok(())
     }
 
-    /// Returns true if filament moves at a change: the nozzle is warm enough.
+    /// Returns true if filament moves during a change: the nozzle is warm enough.
     fn can_swap(&self, nozzle: Heater) -> bool {
         let modal = &self.interpreter.modal;
         modal.cold_extrusion_allowed || self.heating.status(nozzle).celsius >= modal.min_extrusion_celsius
@@ -283,7 +282,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Move of the carriage at a change; `None`: it stays.
+    /// Move of the carriage during a change; `None`: it stays.
     #[inline(never)]
     fn planned_change(&self, tool: u8, stays: bool) -> Result<Option<Change>, CommandError> {
         let modal = &self.interpreter.modal;
@@ -297,15 +296,15 @@ impl<'a, P: Ports> Printer<'a, P> {
         let mut to_10nm = asked_10nm;
         let mut clamped = [false; 3];
         self.interpreter.clamp_into(&mut to_10nm, 0, &mut clamped);
-        // At its lower end Z stays higher than the old nozzle was, which no part minds; at its
+        // At its lower end Z stays higher than the old nozzle was, which harms no part; at its
         // upper end it would stay lower.
         let [.., asked_z] = asked_10nm;
         let [.., z] = to_10nm;
         if z < asked_z { Err(CommandError::Tool(TOO_HIGH)) } else { Ok(Some(Change { from_10nm, to_10nm, clamped })) }
     }
 
-    /// Rise of Z above the carriage's present place, so that neither nozzle is lower than
-    /// the old one was.
+    /// Rise of Z above the carriage's present place such that neither nozzle gets lower than the
+    /// old one was.
     fn lift_of(&self, change: &Option<Change>, lift_10nm: i64) -> i64 {
         let Some(Change { from_10nm: [.., from_z], to_10nm: [.., to_z], .. }) = change else { return 0 };
         (to_z - from_z).max(0) + lift_10nm.max(self.interpreter.modal.lift_10nm)
@@ -328,7 +327,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.heating.select_nozzle(heater);
     }
 
-    /// Present values of a tool, of a machine with several; `None` without such a tool.
+    /// Present values of a tool, on a machine with several; `None` without such a tool.
     pub(crate) fn values_of_tool(&self, tool: u8) -> Option<OfTool> {
         self.further_tools()?;
         let tools = ToolsPart::<P>::get(&self.modes.tools)?;
@@ -340,8 +339,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Puts steps and advance of T0 and of T1, and T1's offset, in force, at standstill. Returns
-    /// those of the selected tool, which the caller puts in force.
+    /// Applies steps and advance of T0 and T1, and T1's offset, at standstill. Returns those of the
+    /// selected tool, which the caller applies.
     #[inline(never)]
     pub(crate) fn put_tools_in_force(
         &mut self,
@@ -364,8 +363,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Takes the tools of an interrupted print, at standstill, before anything moves. Returns true
-    /// if the selected one has its own nozzle.
+    /// Takes over the tools of an interrupted print, at standstill, before anything moves. Returns
+    /// true if the selected tool has a separate nozzle.
     #[inline(never)]
     pub(crate) fn take_tools(&mut self, kept: &<ToolsPart<P> as Part>::Of<ToolBox>) -> bool {
         let Some(kept) = ToolsPart::<P>::get(kept).copied() else { return false };
@@ -379,16 +378,16 @@ impl<'a, P: Ports> Printer<'a, P> {
         heater == Heater::Nozzle1
     }
 
-    /// The nozzle that is not the selected tool's gets this target.
+    /// Gives a target to the nozzle that is not the selected tool's.
     pub(crate) fn heat_other_nozzle(&mut self, target: Decimal) {
         let other = if self.nozzle() == Heater::Nozzle { Heater::Nozzle1 } else { Heater::Nozzle };
         if self.heating.has_nozzles() {
-            // It was possible before the cut.
+            // The target was possible before the power cut.
             let _always_works = self.set_temperature(other, target.to_f64());
         }
     }
 
-    /// Values in force of the selected tool.
+    /// Values in force for the selected tool.
     fn live_of_tool(&self) -> OfTool {
         let Modal { flow_percent, retracted, .. } = self.interpreter.modal;
         OfTool {
@@ -401,9 +400,9 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Puts the values of a tool in force, at standstill.
+    /// Applies the values of a tool, at standstill.
     fn put_tool_in_force(&mut self, new: &OfTool) {
-        // At standstill neither can fail: both were checked where they were set.
+        // Neither can fail at standstill: both were checked where they were set.
         let _always_works = self.motion.set_extruder_steps_per_mm(new.steps_per_mm);
         let choice = self.motion.motion_choice();
         if choice.pressure_advance != new.advance {

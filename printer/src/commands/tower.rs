@@ -9,12 +9,12 @@ use crate::job::tower::{MM, Tower, TowerLine, TowerRefusal};
 use crate::ports::{Ports, Replies};
 use crate::printer::Printer;
 
-/// Fall of a line below the tower's last height that means another print, as in
-/// Klipper; units of 10 nm.
+/// Drop of a line below the tower's last height that indicates another print, as in Klipper; units
+/// of 10 nm.
 const LOWER_10NM: i64 = 2 * MM;
 
 impl<P: Ports> Printer<'_, P> {
-    /// TUNING_TOWER. It replaces the tower before.
+    /// Executes TUNING_TOWER. It replaces any earlier tower.
     #[cold]
     #[inline(never)]
     pub(crate) fn set_tower(&mut self, words: Option<&TowerWords<'_>>) -> Result<(), CommandError> {
@@ -60,7 +60,7 @@ impl<P: Ports> Printer<'_, P> {
         };
         let (target_10nm, extruder_10nm) = modal.target(axes)?;
         let by_length = modal.extrusion.settings().adaptive && axes.e.is_none() && !is_rapid && !modal.retracted;
-        // A circle ends where it begins.
+        // A full circle ends where it begins.
         let displaces = is_arc || target_10nm != modal.machine_10nm;
         let [.., height_10nm] = target_10nm;
         let is_in_plane = height_10nm == modal.machine_10nm[2];
@@ -81,7 +81,7 @@ impl<P: Ports> Printer<'_, P> {
         if tower.value.replace(value) == Some(value) { None } else { Some(tower.line(value)) }
     }
 
-    /// Reads a tower's line; one that cannot be read ends the tower.
+    /// Parses a tower's line; an unreadable one ends the tower.
     #[cold]
     #[inline(never)]
     pub(crate) fn read_of_tower<'l>(&mut self, line: &'l str) -> Option<Command<'l>> {
@@ -97,7 +97,7 @@ impl<P: Ports> Printer<'_, P> {
         read.map_err(|error| self.fail_tower(line, &Failure::Parse(error))).ok()
     }
 
-    /// Ends a tower whose line was refused: the print continues with the value before.
+    /// Ends a tower whose line was refused: the print continues with the previous value.
     #[cold]
     #[inline(never)]
     pub(crate) fn fail_tower(&mut self, line: &str, failure: &impl fmt::Display) {
@@ -106,8 +106,8 @@ impl<P: Ports> Printer<'_, P> {
             .say(format_args!("echo:line {}: TUNING_TOWER has ended, \"{line}\": {failure}", self.lines.number));
     }
 
-    /// Ends a tower that has begun; its value stays. One that waits for its print keeps waiting: a
-    /// print begins by homing.
+    /// Ends a tower that has begun; its value stays. One that still waits for its print keeps
+    /// waiting: a print begins by homing.
     #[cold]
     #[inline(never)]
     pub(crate) fn end_begun_tower(&mut self) {
@@ -116,7 +116,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Ends a tower, if there is one; its value stays.
+    /// Ends the tower, if any; its value stays.
     #[cold]
     #[inline(never)]
     pub(crate) fn end_tower(&mut self, why: &str) {

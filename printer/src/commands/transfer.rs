@@ -1,6 +1,6 @@
-//! A prepared job from a host's line (M790), executed as it comes.
+//! A prepared job from a host's line (M790), executed as it arrives.
 //!
-//! While moves wait for room, the line is still read and the host's questions are answered.
+//! While moves wait for room, the line is still read and the host's questions are still answered.
 //! Numbered lines of G-code between the frames are executed between two items of the job.
 
 use core::fmt;
@@ -26,25 +26,25 @@ use crate::signals::Signals;
 /// Longest silence before the first frame, s: a host that asks for a transfer has its job ready.
 const MAX_SILENCE_BEFORE_JOB_S: u16 = 30;
 
-/// The answer to a line that is not executed while a job is received.
+/// Answer to a line that is not executed while a job is being received.
 const PLAIN_LINE: &str = "echo:gpre: a prepared job is being received (M790), lines without a number are ignored until \
                           it ends; M112 ends it at once";
 
 /// Maximum number of bytes taken from the line at once.
 const CHUNK_BYTES: usize = 64;
 
-/// The line on which a job comes, with the lines of all hosts.
+/// The line on which a job arrives, together with the lines of all hosts.
 pub trait JobLine {
     /// Waits for bytes of any host, at most a fifth of a second. Returns their number, and true if
-    /// the host that sends the job has sent them. `idle`: the machine has no other work meanwhile.
+    /// they are from the host that sends the job. `idle`: the machine has no other work meanwhile.
     fn read(&mut self, bytes: &mut [u8], idle: bool) -> impl Future<Output = (usize, bool)>;
 
-    /// Reads text of the host that was read last, up to the end of a line. Returns how much was
-    /// used, and the line if it has ended.
+    /// Reads text of the host that was read last, up to the end of a line. Returns the number of
+    /// bytes used, and the line if it is complete.
     #[allow(clippy::type_complexity)]
     fn text<'a>(&'a mut self, bytes: &'a [u8]) -> (usize, Option<(&'a mut Host, Result<Line<'a>, LineError>)>);
 
-    /// Replies go to the host that sends the job from now on.
+    /// Sends replies to the job's host from now on.
     fn answer_job(&mut self);
 }
 
@@ -55,19 +55,20 @@ pub(crate) enum Stop {
     Read(ReadError),
     /// An item of the job cannot be executed.
     Done { failure: Failure, line: u32, frame: u32, offset: u64 },
-    /// A move does not begin where the one before ended.
+    /// A move does not begin where the previous one ended.
     Elsewhere { frame: u32, offset: u64 },
     /// The host was silent for too long.
     Silent { silence_s: u16 },
-    /// The host has given up.
+    /// The host gave up.
     Aborted,
     /// M112, or motion was stopped in another way.
     Halted,
 }
 
 impl Stop {
-    /// A command of this line ended with a failure: motion was stopped, or it cannot be done.
-    // Not a call: that takes a copy of the failure, on the stack under all that a line needs.
+    /// Stop for a failed command of this line: motion was stopped, or the command cannot be
+    /// executed.
+    // Not a call, which would copy the failure onto the stack below all that a line needs.
     #[inline(always)]
     fn of(failure: Failure, line: u32, frame: u32, offset: u64) -> Self {
         match failure {
@@ -102,28 +103,28 @@ impl fmt::Display for Stop {
     }
 }
 
-/// The incoming side of the line: the present chunk, and the state of text and frames.
+/// Incoming side of the line: the present chunk, and the state of text and frames.
 struct Incoming {
     receiver: Receiver,
     chunk: [u8; CHUNK_BYTES],
-    /// Part of the chunk that has not been looked at.
+    /// Start of the unprocessed part of the chunk.
     at: usize,
     end: usize,
     /// True if the chunk is from the host that sends the job.
     of_job: bool,
     /// True if the chunk continues with text, which waits for the printer.
     text: bool,
-    /// True while a text of the job's host has begun and its line has not ended.
+    /// True while the job's host is in the middle of a text line.
     mid_text: bool,
     aborted: bool,
-    /// True if the host is to be answered.
+    /// True if the host must be answered.
     answer: bool,
-    /// The limit last reported to it.
+    /// The limit last reported to the host.
     limit: u32,
     heard_ms: u64,
-    /// True once a frame has come.
+    /// True once a frame has arrived.
     any_frame: bool,
-    /// Number of stops of motion when the job began: one more stop ends the job.
+    /// Number of motion stops when the job began: one more ends the job.
     stops: u32,
 }
 
@@ -156,7 +157,7 @@ impl Incoming {
         }
     }
 
-    /// Reads and answers until text comes, or the host gives up. With an idle machine it returns
+    /// Reads and answers until text arrives or the host gives up. With an idle machine it returns
     /// after each portion.
     async fn take_in<R: Replies + ?Sized>(
         &mut self,
@@ -196,8 +197,8 @@ impl Incoming {
         }
     }
 
-    /// Answers M790 in the middle of a transfer, from a host that was restarted: the transfer
-    /// continues where it stopped.
+    /// Answers an M790 in the middle of a transfer, from a host that was restarted: the transfer
+    /// resumes where it stopped.
     fn asked_again(&mut self, request: Option<JobRequest>, replies: &(impl Replies + ?Sized)) {
         match request {
             Some(request) if request.size == self.receiver.size() => self.answer = true,
@@ -206,7 +207,7 @@ impl Incoming {
         }
     }
 
-    /// Passes the rest of the chunk up to the next text.
+    /// Skips the rest of the chunk up to the next text.
     fn skip_frames(&mut self) {
         while let Some(&byte) = self.chunk.get(self.at..self.end).and_then(|rest| rest.first()) {
             if self.receiver.take(byte, &mut []) == Event::Other {
@@ -225,7 +226,7 @@ impl Incoming {
     }
 }
 
-/// Runs one future to its end, while another runs beside it that need not end.
+/// Runs one future to its end; another runs beside it and need not end.
 async fn beside<T>(main: impl Future<Output = T>, other: impl Future<Output = ()>) -> T {
     let (mut main, mut other) = (pin!(main), pin!(other));
     let mut ended = false;
@@ -240,7 +241,7 @@ async fn beside<T>(main: impl Future<Output = T>, other: impl Future<Output = ()
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// The caller will call [`Self::receive_job`] when M790 asks for it.
+    /// Declares that the caller will call [`Self::receive_job`] when M790 requests it.
     pub fn set_receives_jobs(&mut self) {
         self.identity.receives_jobs = true;
     }
@@ -250,7 +251,7 @@ impl<P: Ports> Printer<'_, P> {
         self.print.job_request.take()
     }
 
-    /// M790.
+    /// Executes M790.
     pub(crate) fn request_job(&mut self, size: u32, silence_s: u16) -> Result<(), CommandError> {
         if !self.identity.receives_jobs {
             return Err(CommandError::NoJobs);
@@ -260,10 +261,10 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Receives a prepared job and executes it as it comes. `buffer` must have room for the longest
-    /// frame ([`ferrostep_gpre::compact::MAX_FRAME_BYTES`]); more room is used for bytes that come
-    /// meanwhile. Returns how the job ended, and whether a frame has begun on the line and not
-    /// ended; the host has heard the end already.
+    /// Receives a prepared job and executes it as it arrives. `buffer` must have room for the
+    /// longest frame ([`ferrostep_gpre::compact::MAX_FRAME_BYTES`]); more room is used for bytes
+    /// that arrive meanwhile. Returns the outcome, and true if a frame has begun on the line and
+    /// not ended; the outcome has already been reported to the host.
     pub async fn receive_job(
         &mut self,
         request: JobRequest,
@@ -279,16 +280,15 @@ impl<P: Ports> Printer<'_, P> {
         let (replies, clock, signals) = (self.replies(), self.clock.clone(), self.signals);
         incoming.text = false;
         incoming.aborted = false;
-        // Nothing more of the job is taken, but the host is answered while the
-        // machine comes to rest.
+        // No more of the job is accepted, but the host is answered while the machine comes to rest.
         let mut none = 0;
         let taken_in = incoming.take_in(line, &mut [], &mut none, (replies, &clock, signals), false);
         let ended = match outcome {
             Ok(()) => {
                 let finished = beside(self.finish(), taken_in).await;
                 if finished.is_err() {
-                    // All of the job had been taken; the part left undone is counted as
-                    // after any other stop.
+                    // All of the job had been accepted; the part left undone is counted as after
+                    // any other stop.
                     self.stop_motion();
                 }
                 let Progress { frame, offset, .. } = progress;
@@ -302,14 +302,14 @@ impl<P: Ports> Printer<'_, P> {
                 Err(stop)
             }
         };
-        // Bytes that have come by now.
+        // Bytes that have arrived by now.
         while incoming.at < incoming.end {
             let _ = self.between(line, &mut incoming).await;
             incoming.skip_frames();
         }
         self.print.job_request = None;
         let Progress { begun, frame, offset } = progress;
-        // A silence ends the frame that was being received: later bytes do not belong to it.
+        // Silence ends the frame that was being received: later bytes do not belong to it.
         let in_frame = incoming.receiver.is_in_frame() && !matches!(ended, Err(Stop::Silent { .. }));
         let word = match ended {
             Ok(()) => Word::Done,
@@ -373,8 +373,8 @@ impl<P: Ports> Printer<'_, P> {
                         }
                         self.between(line, incoming).await?;
                     }
-                    // While the machine was at work the host may have had no reason
-                    // to send or to ask.
+                    // While the machine was at work, the host may have had no reason to send or
+                    // ask.
                     incoming.heard_ms = self.clock.now_ms();
                     filled = length + ahead;
                     progress.frame = number + 1;
@@ -382,14 +382,15 @@ impl<P: Ports> Printer<'_, P> {
                     length
                 }
             };
-            // With the part that has come of an incomplete frame.
+            // Including the received part of an incomplete frame.
             buffer.copy_within(used.., 0);
             filled -= used;
             incoming.tell(replies, buffer.len() - filled);
         }
     }
 
-    /// Begins a prepared job: it is for this machine, and the extruder advances as it was planned.
+    /// Begins a prepared job: checks that it is for this machine, and sets the extruder's advance
+    /// with which it was planned.
     pub(crate) async fn begin_prepared(&mut self, header: &Header) -> Result<(), Stop> {
         header.matches(self.profile.plan_hash, PLANNER_VERSION)?;
         if header.encoding != Encoding::Compact {
@@ -406,9 +407,9 @@ impl<P: Ports> Printer<'_, P> {
         let Some(item) = items.next_item().map_err(fault)? else { return Ok(false) };
         let (line, result) = match item {
             Item::Move(next) => {
-                // At the start of a frame, and wherever M410 may have stopped the moves before.
+                // At the start of a frame, and wherever M410 may have stopped the previous moves.
                 let expected_10nm = place.end_10nm.or((!place.begun).then_some(place.start.position_10nm));
-                // If M290 has shifted Z, the move is refused for that.
+                // If M290 has shifted Z, the move is refused for that reason.
                 if expected_10nm.is_some_and(|expected| self.machine_10nm() != expected) && !self.is_shifted() {
                     return Err(Stop::Elsewhere { frame, offset });
                 }
@@ -424,7 +425,7 @@ impl<P: Ports> Printer<'_, P> {
         result.map(|()| true).map_err(|failure| Stop::of(failure, line, frame, offset))
     }
 
-    /// Text between the frames.
+    /// Handles text between the frames.
     async fn between(&mut self, line: &mut impl JobLine, incoming: &mut Incoming) -> Result<(), Stop> {
         while incoming.text {
             let rest = incoming.chunk.get(incoming.at..incoming.end).unwrap_or_default();
@@ -437,8 +438,8 @@ impl<P: Ports> Printer<'_, P> {
                     Ok(heard) => heard.number.is_some(),
                     Err(error) => error.is_numbered(),
                 };
-                // The rest of a broken frame is not a line, and usually not text. Its number shows
-                // that a line may be executed.
+                // The rest of a broken frame is not a line, and usually not text. A line number
+                // shows that a line may be executed.
                 if numbered || !incoming.of_job {
                     host.answer(self, heard).await;
                     if incoming.of_job {
@@ -446,7 +447,8 @@ impl<P: Ports> Printer<'_, P> {
                     }
                     incoming.asked_again(self.print.job_request.take(), self.replies());
                 } else if heard.is_ok() {
-                    // Probably a person's, who must not wait for an answer until the job has ended.
+                    // Probably sent by a person, who must not wait for an answer until the job has
+                    // ended.
                     let replies = self.replies();
                     replies.send(Reply::Text(PLAIN_LINE));
                     replies.send(Reply::Ok);
@@ -467,7 +469,7 @@ impl<P: Ports> Printer<'_, P> {
 
 /// Progress of a job.
 struct Progress {
-    /// True once a part of it was executed.
+    /// True once part of the job was executed.
     begun: bool,
     frame: u32,
     offset: u64,
@@ -478,14 +480,14 @@ pub(crate) struct Place {
     start: FrameState,
     /// True once a move of the frame was executed.
     begun: bool,
-    /// End of the move before, if only moves came since.
+    /// End of the previous move, if only moves have followed since.
     end_10nm: Option<[i64; 3]>,
     number: u32,
     offset: u64,
 }
 
 impl Place {
-    /// The place at the start of a frame.
+    /// Place at the start of a frame.
     pub(crate) fn new(start: FrameState, number: u32, offset: u64) -> Self {
         Self { start, begun: false, end_10nm: None, number, offset }
     }

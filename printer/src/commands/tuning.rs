@@ -1,4 +1,4 @@
-//! M301, M303, M304 and M309: the gains of heaters, and their autotune. For a heater with a model
+//! M301, M303, M304 and M309: the gains of heaters, and their autotune. For a heater with a model,
 //! M303 finds the model ([`crate::commands::heater_model`]).
 
 use ferrostep_gcode::{Decimal, GainWords, Real, Reply, TunedHeater};
@@ -13,30 +13,30 @@ use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::settings::bounds::{FULL_POWER, in_range};
 
-/// Default targets and cycles of M303: Marlin's.
+/// Default targets and cycles of M303, from Marlin.
 const NOZZLE_CELSIUS: f64 = 150.0;
 const BED_CELSIUS: f64 = 70.0;
 
-/// Marlin's, 35, is too near to a warm room.
+/// Marlin's value, 35, is too close to a warm room.
 const CHAMBER_CELSIUS: f64 = 50.0;
 const CYCLES: u8 = 5;
 const MIN_CYCLES: u8 = 3;
 
-/// The lowest target, degrees Celsius: a heater must also cool below it in minutes.
+/// Minimum target, degrees Celsius: a heater must also cool below it within minutes.
 const MIN_CELSIUS: f64 = 40.0;
 
-/// Minimum distance of the target below the maximum, degrees: the relay heats a little beyond it.
+/// Minimum distance of the target below the maximum, degrees: the relay overshoots it a little.
 const NOZZLE_MARGIN_CELSIUS: f32 = 15.0;
 
-/// The same of a step response, after which the temperature rises further by the slope at full
-/// power times the thermistor's lag.
+/// Minimum distance for a step response, after which the temperature rises further by the slope at
+/// full power times the thermistor's lag.
 const STEP_MARGIN_CELSIUS: f32 = 40.0;
 
-/// Default target of a nozzle's step response: Marlin's.
+/// Default target of a nozzle's step response, from Marlin.
 const STEP_CELSIUS: f64 = 200.0;
 const BED_MARGIN_CELSIUS: f32 = 10.0;
 
-/// A gain of a line, if it has one.
+/// Sets a gain from a line's word, if given.
 fn set(gain: &mut f32, word: char, value: Option<Decimal>, [low, high]: [f64; 2]) -> Result<(), CommandError> {
     if let Some(value) = value {
         *gain = (in_range(word, value.to_f64(), low * FULL_POWER, high * FULL_POWER)? / FULL_POWER) as f32;
@@ -49,8 +49,8 @@ fn marlins(gain: f32) -> Real {
     Real::short(f64::from(gain) * FULL_POWER, 4)
 }
 
-/// Reports a cycle of the relay. By itself, as the compiler keeps every value of a future's
-/// function in memory.
+/// Reports a cycle of the relay. Separate, because in a future's function the compiler keeps every
+/// value in memory.
 #[inline(never)]
 fn tell_cycle(replies: &(impl Replies + ?Sized), ended: u8, of: u8, ends: [f32; 2]) {
     let [lowest, highest] = ends.map(|celsius| Real::fixed(celsius, 2));
@@ -63,7 +63,7 @@ fn tell_step(replies: &(impl Replies + ?Sized), ended: u8, of: u8) {
     replies.say(format_args!(" part: {ended}/{of}"));
 }
 
-/// The profile's table of a heater.
+/// Name of a heater's table in the profile.
 pub(crate) const fn table_of(heater: Heater) -> &'static str {
     match heater {
         Heater::Nozzle => "nozzle",
@@ -74,7 +74,7 @@ pub(crate) const fn table_of(heater: Heater) -> &'static str {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// M301, M304, M309.
+    /// Executes M301, M304 and M309.
     pub(crate) fn heater_gains(&mut self, heater: Heater, words: &GainWords) -> Result<(), CommandError> {
         self.needs(self.fitted.equipment.heaters, "heaters")?;
         if self.has_model(heater) {
@@ -95,7 +95,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// The line that sets these gains.
+    /// Reports the line that sets these gains.
     #[inline(never)]
     fn report_gains(&self, heater: Heater, gains: &PidGains) {
         let [p, i, d, f] = [gains.proportional, gains.integral, gains.derivative, gains.fan].map(marlins);
@@ -128,7 +128,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// M303: finds the gains by a relay, and leaves the heater off.
+    /// Executes M303: finds the gains by a relay, and leaves the heater off.
     pub(crate) async fn autotune(
         &mut self,
         heater: Heater,
@@ -173,7 +173,7 @@ impl<P: Ports> Printer<'_, P> {
         self.heating.begin_relay(heater, celsius, cycles.unwrap_or(CYCLES).max(MIN_CYCLES), has_fan);
     }
 
-    /// The heater goes off, whatever has ended the autotune.
+    /// Ends an autotune, whatever the reason: switches the heater off.
     #[inline(never)]
     fn end_autotune(
         &mut self,
@@ -198,7 +198,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Refuses an autotune without heaters, and in a print.
+    /// Refuses an autotune without heaters, or during a print.
     fn may_autotune(&self) -> Result<(), CommandError> {
         self.needs(self.fitted.equipment.heaters, "heaters")?;
         if self.is_paused() || self.is_a_nozzle_on() {
@@ -207,7 +207,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// The target of an autotune, degrees Celsius, and whether a fan cools the heater.
+    /// Target of an autotune, degrees Celsius, and true if a fan cools the heater.
     #[inline(never)]
     fn autotune_target(&self, heater: Heater, target: Option<Decimal>) -> Result<(f32, bool), CommandError> {
         let (mut usual, mut margin, has_fan) = match heater {
@@ -226,7 +226,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok((celsius as f32, has_fan))
     }
 
-    /// Reports gains that have been found, as Marlin does and as the profile has them.
+    /// Reports gains that were found, in Marlin's form and in the profile's.
     #[inline(never)]
     fn tuned(&mut self, heater: Heater, gains: &PidGains, uses: bool) {
         let name = table_of(heater);

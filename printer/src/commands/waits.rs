@@ -1,4 +1,4 @@
-//! Waits: for time, for heat.
+//! Waits for time and for heat.
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_hal_shim::{Clock, Heater};
@@ -14,13 +14,13 @@ use crate::ports::Heating;
 use crate::settings::profile::heaters::HeaterSettings;
 use crate::signals::Signals;
 
-/// Interval at which a wait looks around, ms. A cancelled wait ends within this time.
+/// Polling interval of a wait, ms. A cancelled wait ends within this time.
 const LOOK_MS: u64 = 100;
 
-/// Interval of the lines that M109 and M190 print.
+/// Interval of the lines that M109 and M190 print, ms.
 const REPORT_MS: u64 = 1000;
 
-/// A wait for cooling ends when the temperature falls by less than this in this time: no heater
+/// A wait for cooling ends when the temperature falls by less than this within this time: no heater
 /// gets colder than the room. The slope is well above the noise of a thermistor, and well below
 /// that of a heater 10 degrees above the room.
 const MIN_COOLING_CELSIUS: f32 = 0.5;
@@ -30,11 +30,11 @@ const MIN_COOLING_MS: u64 = 120_000;
 struct Parts {
     ended: u8,
     of: u8,
-    /// The lowest and the highest temperature of the last, for a relay's cycle.
+    /// Lowest and highest temperature of the last part, for a relay's cycle.
     ends_celsius: Option<[f32; 2]>,
 }
 
-/// Progress of a heater's autotune; `None`: it has found a result.
+/// Progress of a heater's autotune; `None` once it has a result.
 fn parts<H: Heating>(heater: Heater, heating: &H) -> Result<Option<Parts>, CommandError> {
     if H::Models::PRESENT
         && let Some(step) = heating.step(heater)
@@ -48,7 +48,7 @@ fn parts<H: Heating>(heater: Heater, heating: &H) -> Result<Option<Parts>, Comma
         };
     }
     match heating.relay(heater) {
-        // Only a fault or a timeout ends it.
+        // Only a fault or a timeout ends the autotune.
         None => Err(CommandError::HeatersTimedOut),
         Some(RelayProgress::Failed) => Err(CommandError::HeaterControl(
             "PID Autotune failed! timeout: the temperature does not swing around S, is the heater strong enough for it?",
@@ -63,12 +63,12 @@ fn parts<H: Heating>(heater: Heater, heating: &H) -> Result<Option<Parts>, Comma
 /// Watches a heater cool.
 #[derive(Clone, Copy, Debug, Default)]
 struct Cooling {
-    /// Time of the last look, ms, and the temperature then.
+    /// Time of the last check, ms, and the temperature then.
     before: Option<(u64, f32)>,
 }
 
 impl Cooling {
-    /// Returns true if the temperature has ceased to fall.
+    /// Returns true if the temperature has stopped falling.
     fn is_over(&mut self, now_ms: u64, celsius: f32) -> bool {
         match self.before {
             Some((since_ms, _)) if now_ms.saturating_sub(since_ms) < MIN_COOLING_MS => false,
@@ -107,7 +107,7 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
 
     /// Waits for a person: M108 or a button of the prompt (M876 S), or until this time, ms.
     pub async fn for_person(&mut self, until_ms: Option<u64>) -> Result<PauseAnswer, CommandError> {
-        // An answer from before is not meant for this wait.
+        // An earlier answer is not meant for this wait.
         self.signals.take_answer();
         loop {
             if self.signals.is_halted() {
@@ -123,8 +123,8 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
         }
     }
 
-    /// Waits until the autotune of a heater has found something, or M108 ends the wait.
-    /// `is_stopped` says whether motion was stopped.
+    /// Waits until a heater's autotune has a result, or M108 ends the wait. `is_stopped` returns
+    /// true if motion was stopped.
     pub async fn for_autotune(
         &mut self,
         heater: Heater,
@@ -188,8 +188,8 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
         let mut near_since: Option<u64> = None;
         let mut cooling = Cooling::default();
         let mut approach = Approach::new();
-        // A heater that has overshot while it heated up is waited for, one that was hotter from
-        // the start is not.
+        // A heater that overshoots while heating up is waited for; one that was hotter from the
+        // start is not.
         let mut has_heated = false;
         let mut next_report = self.clock.now_ms() + REPORT_MS;
         loop {
@@ -201,7 +201,7 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
             }
             let (status, now) = (heating.status(heater), self.clock.now_ms());
             if had_target && status.target_celsius <= 0.0 {
-                // During a wait only a fault or a timeout takes a target away.
+                // During a wait, only a fault or a timeout removes a target.
                 return Err(CommandError::HeatersTimedOut);
             }
             let left_ms = match until {
@@ -246,8 +246,8 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
 pub(crate) enum Until {
     /// The temperature has stayed near its target for the profile's residency time.
     Near {
-        /// True to wait also for a heater that is hotter from the start; one that has overshot is
-        /// waited for in any case.
+        /// True to wait also for a heater that is hotter from the start; an overshoot is waited for
+        /// in any case.
         cooling_counts: bool,
     },
     /// The heater is this warm, degrees Celsius.
@@ -259,6 +259,6 @@ pub(crate) enum Until {
 pub(crate) enum WaitReport<'a> {
     /// Report once a second: the seconds left if the temperature does not change.
     Remaining(Option<u32>),
-    /// The heater does not get colder than this: the wait has ended.
+    /// The heater gets no colder than this: the wait has ended.
     CoolsNoFurther(&'a HeaterStatus),
 }

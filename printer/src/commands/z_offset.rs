@@ -14,7 +14,7 @@ use crate::settings::profile::homing::{HomeSensor, SafeHoming};
 /// Units of 10 nm in a millimetre.
 const MM: i64 = 100_000;
 
-/// Largest shift by one M290, and by all since Z was homed, units of 10 nm, either way.
+/// Maximum shift by one M290, and by all since Z was homed, units of 10 nm, either way.
 const MAX_SHIFT_AT_ONCE_10NM: i64 = MM;
 const MAX_SHIFT_10NM: i64 = 2 * MM;
 
@@ -30,7 +30,7 @@ impl<P: Ports> Printer<'_, P> {
         self.profile.homing[2].sensor == HomeSensor::Probe
     }
 
-    /// Range of the probe's offset along an axis: where Z homes the probe must be above the bed.
+    /// Range of the probe's offset along an axis: the probe must be above the bed where Z homes.
     pub(crate) fn probe_range_10nm(&self, axis: usize) -> [i64; 2] {
         let SafeHoming { home_at_10nm, bed_10nm, .. } = self.profile.safe_homing;
         match (bed_10nm.get(axis), home_at_10nm.unwrap_or_default().get(axis)) {
@@ -39,7 +39,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// M851. The new offset holds from the next homing of Z on.
+    /// Executes M851. The new offset applies from the next homing of Z on.
     pub(crate) fn probe_offset(&mut self, words: &AxisWords) -> Result<(), CommandError> {
         self.needs(self.has_probe(), "probe (homing.z.sensor of its profile)")?;
         let words = [words.x, words.y, words.z];
@@ -60,17 +60,18 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Refuses an offset of the probe with which it is beside a round bed where Z homes.
+    /// Refuses a probe offset that would put the probe beside a round bed where Z homes.
     pub(crate) fn probe_finds_home(&self, [x, y, _]: [i64; 3]) -> Result<(), CommandError> {
         let Some([home_x, home_y]) = self.profile.safe_homing.home_at_10nm else { return Ok(()) };
         self.is_above_bed([home_x + x, home_y + y])
     }
 
-    /// Executes M290: shifts Z under the G-code, whose coordinates stay; the probe's offset goes
-    /// with it unless `keeps_offset` (P0). The shift is a separate move, after those taken before.
+    /// Executes M290: shifts Z under the G-code, whose coordinates stay; the probe's offset is
+    /// changed with it unless `keeps_offset` (P0). The shift is a separate move, after those
+    /// accepted before.
     pub(crate) async fn shift_z(&mut self, words: &AxisWords, keeps_offset: bool) -> Result<(), CommandError> {
         if words.x.is_some() || words.y.is_some() || words.e.is_some() {
-            // Start code of Bambu's X1 has one with a Z that would be no shift either.
+            // Start code for Bambu's X1 contains one, with a Z that would not be a shift either.
             self.replies.note(self.lines.number, format_args!("M290 shifts only Z: with X, Y or E it has no effect"));
             return Ok(());
         }
@@ -89,13 +90,13 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// SET_GCODE_OFFSET: the offset along Z lasts through homing, and the probe's stays. Where the
-    /// nozzle does not move at once it goes where its next move along Z ends: until then the G-code
-    /// sees it at another height.
+    /// Executes SET_GCODE_OFFSET: the offset along Z lasts through homing, and the probe's stays.
+    /// Without an immediate move, the nozzle follows with its next move along Z: until then the
+    /// G-code sees it at another height.
     pub(crate) async fn offset_z(&mut self, offset: Decimal, adds: bool, moves: bool) -> Result<(), CommandError> {
         let before_10nm = self.interpreter.modal.z.offset_10nm;
         let base_10nm = if adds { before_10nm } else { 0 };
-        // Klipper's lengths are mm in any unit of the G-code.
+        // Klipper's lengths are in mm whatever the G-code's unit.
         let offset_10nm = within('Z', offset.to_10nm_from_mm(), -MAX_SHIFT_10NM, MAX_SHIFT_10NM)?;
         let offset_10nm = within('Z', base_10nm + offset_10nm, -MAX_SHIFT_10NM, MAX_SHIFT_10NM)?;
         let by_10nm = offset_10nm - before_10nm;
@@ -125,7 +126,7 @@ impl<P: Ports> Printer<'_, P> {
             return Err(CommandError::ShiftsHomedZ);
         }
         within('Z', by_10nm, -MAX_SHIFT_AT_ONCE_10NM, MAX_SHIFT_AT_ONCE_10NM)?;
-        // The rest of the largest shift, so that the message names a value that is accepted.
+        // The remainder of the maximum shift, so that the message names an acceptable value.
         let before_10nm = self.interpreter.modal.z.shift_10nm;
         within('Z', by_10nm, -MAX_SHIFT_10NM - before_10nm, MAX_SHIFT_10NM - before_10nm)?;
         let offset_10nm = self.interpreter.modal.probe_offset_10nm[2];

@@ -1,11 +1,11 @@
-//! Text of the reason why an extruder does not take a pressure advance.
+//! Text of the reason why an extruder refuses a pressure advance.
 
 use core::fmt;
 
 use ferrostep_gcode::Real;
 use ferrostep_planner::{PressureAdvance, PressureAdvanceError};
 
-/// Reason to refuse an advance: the number that is out of its range.
+/// Reason to refuse an advance: the number that is out of range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdvanceRefusal {
     error: PressureAdvanceError,

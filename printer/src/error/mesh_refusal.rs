@@ -1,4 +1,4 @@
-//! Text of the reason why Z follows no mesh.
+//! Text of the reason why Z cannot follow a mesh.
 
 use core::fmt;
 
@@ -7,7 +7,7 @@ use ferrostep_planner::surface::MeshError;
 
 use crate::motion::length::mm;
 
-/// The text of a mesh's error.
+/// Text of a mesh's error.
 pub(crate) struct MeshRefusal<'a>(pub &'a MeshError);
 
 impl fmt::Display for MeshRefusal<'_> {

@@ -1,4 +1,4 @@
-//! The fault of a plan, in words.
+//! Text of a plan's fault.
 
 use core::fmt;
 
@@ -6,7 +6,7 @@ use ferrostep_gcode::Real;
 use ferrostep_planner::Speed;
 use ferrostep_planner::look_ahead::PlanFault;
 
-/// The text of a plan's fault, with its figures and how to mend it.
+/// Text of a plan's fault, with its figures and the cure.
 pub(crate) struct PlanFaultText<'a>(pub &'a PlanFault);
 
 impl fmt::Display for PlanFaultText<'_> {

@@ -1,4 +1,4 @@
-//! Text of the reason why a machine does not take a filter.
+//! Text of the reason why a machine refuses a filter.
 
 use core::fmt;
 
@@ -7,7 +7,7 @@ use ferrostep_planner::{AxisShaper, ChoiceError, EvenSpacing, ShaperError, Shape
 
 use crate::motion::axis_names::AXIS_NAMES;
 
-/// The names of filters that there are.
+/// Names of all filters.
 pub(crate) struct KnownShapers;
 
 impl fmt::Display for KnownShapers {
@@ -44,7 +44,7 @@ impl fmt::Display for ShaperRefusal {
             ShaperError::TooLong { lowest_hundredths_hz, is_smooth } => {
                 self.write_too_long(out, axis, f64::from(lowest_hundredths_hz) / 100.0, is_smooth)
             }
-            // Errors of the machine, whatever the filter.
+            // Errors of the machine, independent of the filter.
             ShaperError::Methods | ShaperError::UnequalMotors | ShaperError::SmoothTime | ShaperError::SmoothSCurve => {
                 out.write_str(choice_text(ChoiceError::Shaper(self.error)))
             }
@@ -52,7 +52,7 @@ impl fmt::Display for ShaperRefusal {
     }
 }
 
-/// One function for each text, so that not all their arguments are on the stack together.
+/// A separate function for each text, so that their arguments are never all on the stack.
 impl ShaperRefusal {
     #[inline(never)]
     fn write_frequency(&self, out: &mut fmt::Formatter<'_>, axis: char) -> fmt::Result {
@@ -89,10 +89,10 @@ impl ShaperRefusal {
     }
 }
 
-/// Reason why a machine with a moving average has no S-curves.
+/// Reason why a machine with a moving average cannot use S-curves.
 pub(crate) const SMOOTH_S_CURVE: &str = "input_shaper.smooth_time_s of the profile needs trapezoids: send M796 A0";
 
-/// Text of the reason why a machine has no filters at all now.
+/// Text of the reason why a machine cannot use any filters now.
 pub(crate) const fn choice_text(error: ChoiceError) -> &'static str {
     match error {
         ChoiceError::Shaper(ShaperError::UnequalMotors) => {

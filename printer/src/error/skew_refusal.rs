@@ -6,12 +6,12 @@ use ferrostep_gcode::Real;
 
 use crate::motion::skew::Skew;
 
-/// Axes may not be that far off their right angle.
+/// Error: axes must not be that far from a right angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkewRefusal {
     /// The two axes, such as `XY`.
     pub plane: &'static str,
-    /// The factor; infinite if three lengths are not those of a parallelogram.
+    /// The factor; infinite if the three lengths do not form a parallelogram.
     pub factor: f32,
 }
 

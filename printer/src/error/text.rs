@@ -1,4 +1,4 @@
-//! Texts of refused commands for a person: the expected value, or how to mend it.
+//! Texts of refused commands for a person: the expected value, or the cure.
 
 use core::fmt;
 
@@ -37,11 +37,15 @@ impl fmt::Display for CommandError {
                 Real::fixed(*start_radius_mm, 3),
                 Real::fixed(*end_radius_mm, 3)
             ),
+            Self::ArcRadius { chord_mm, .. } if *chord_mm == 0.0 => {
+                write!(out, "R: the arc ends where it starts: give I and J for a full circle")
+            }
             Self::ArcRadius { radius_mm, chord_mm } => write!(
                 out,
-                "R: a radius of {} mm cannot span {} mm: R must be at least half of that, and the end differ from the start",
+                "R: an arc of radius {} mm cannot span {} mm: make R at least {} mm",
                 Real::fixed(*radius_mm, 3),
-                Real::fixed(*chord_mm, 3)
+                Real::fixed(*chord_mm, 3),
+                Real::fixed(chord_mm / 2.0 + 0.000_49, 3)
             ),
             Self::TooHot { celsius, maximum_celsius, below } => {
                 let (celsius, maximum) = (Real::short(*celsius, 6), Real::short(*maximum_celsius, 2));
@@ -262,7 +266,7 @@ impl fmt::Display for CommandError {
     }
 }
 
-/// A machine position as messages show it, mm; in units of 10 nm.
+/// A machine position, shown in mm in messages; units of 10 nm.
 struct Place([i32; 3]);
 
 impl fmt::Display for Place {
@@ -272,7 +276,7 @@ impl fmt::Display for Place {
     }
 }
 
-/// A length as messages show it, mm.
+/// A length as shown in messages, mm.
 fn mm(length_10nm: i64, decimals: u8) -> Real {
     Real::fixed(length_10nm as f64 / 100_000.0, decimals)
 }

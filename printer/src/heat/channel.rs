@@ -7,7 +7,7 @@ use super::safety::{Safety, Trip};
 use super::thermometer::{MEDIAN_OF, Thermometer};
 use crate::settings::profile::heaters::HeaterSettings;
 
-/// Loop that works out a heater's power.
+/// Loop that computes a heater's power.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Loop {
     /// The loop holds its target.
@@ -23,7 +23,7 @@ pub struct Channel {
     pub thermometer: Thermometer,
     pub safety: Safety,
     pub control: Loop,
-    /// The last temperature, degrees Celsius; `None` if there has never been one.
+    /// Last temperature, degrees Celsius; `None` before the first.
     pub celsius: Option<f32>,
     pub target: f32,
     pub power: f32,
@@ -33,24 +33,24 @@ impl Channel {
     /// A heater that is off, with its first readings.
     pub fn new(settings: HeaterSettings, readings: [u16; MEDIAN_OF]) -> Self {
         let thermometer = Thermometer::new(settings.thermistor, readings);
-        // Without a temperature the first sample trips.
+        // Without a temperature, the first sample trips the checks.
         let celsius = thermometer.celsius().ok();
         let (safety, control) = (Safety::new(), Loop::Pid(Pid::new()));
         Self { settings, thermometer, safety, control, celsius, target: 0.0, power: 0.0 }
     }
 
-    /// Takes a sample; the power stays.
+    /// Takes a sample; the power is unchanged.
     pub fn sample(&mut self, reading: u16) -> Result<(), Trip> {
         self.thermometer.add(reading);
         let celsius = self.thermometer.celsius();
         self.celsius = celsius.ok().or(self.celsius);
         let is_tuned = matches!(self.control, Loop::Relay(_));
-        // A thermometer alone has no heater that could fail to reach its target.
+        // A channel with only a thermometer has no heater that could fail to reach its target.
         let target = if self.settings.is_heated { self.target } else { 0.0 };
         self.safety.check(&self.settings, celsius, target, self.power, is_tuned)
     }
 
-    /// Works out the power for the next sample. A heater without a temperature has none.
+    /// Computes the power for the next sample. A heater without a temperature gets none.
     pub fn control(&mut self, fan_power: u8) {
         self.power = match (self.celsius, &mut self.control) {
             (None, _) => 0.0,
@@ -71,7 +71,7 @@ impl Channel {
         };
     }
 
-    /// Switches it off.
+    /// Switches the heater off.
     pub fn off(&mut self) {
         self.target = 0.0;
         self.power = 0.0;

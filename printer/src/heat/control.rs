@@ -17,20 +17,20 @@ use crate::settings::profile::heaters::HeaterSettings;
 /// Nozzles of further tools.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct FurtherNozzle {
-    /// `None` where the tools share one.
+    /// `None` if the tools share a nozzle.
     channel: Option<Channel>,
-    /// True if it is the nozzle of the selected tool.
+    /// True if this is the nozzle of the selected tool.
     is_selected: bool,
-    /// The fan that blows at it.
+    /// The fan that blows at the nozzle.
     fan: FanOutput,
 }
 
-/// Heaters of every machine, but for those of further tools: the first ones in the
-/// order of their index.
+/// Number of heaters of every machine, without those of further tools: the first ones in the order
+/// of their index.
 const USUAL: usize = Heater::Nozzle1.index();
 
-/// Control of all heaters and fans. `M`: whether heaters may be controlled by a model; `T`: whether
-/// there may be several nozzles.
+/// Control of all heaters and fans. `M` says whether heaters may be controlled by a model, `T`
+/// whether there may be several nozzles.
 #[derive(Clone, Copy, Debug)]
 pub struct HeatControl<M: Part = Present, T: Part = Present> {
     /// `None` for a heater that the machine does not have.
@@ -41,7 +41,7 @@ pub struct HeatControl<M: Part = Present, T: Part = Present> {
     fault: Option<HeatFault>,
     pub(crate) fan_table: FanTable,
     fans: FanControl,
-    /// Powers of the fans without a fault.
+    /// Powers of the fans while there is no fault.
     fan_demand: FanDemand,
     /// True while the power supply is on; `None` if it cannot be switched.
     pub(crate) supply: Option<bool>,
@@ -50,9 +50,9 @@ pub struct HeatControl<M: Part = Present, T: Part = Present> {
 }
 
 impl<M: Part, T: Part> HeatControl<M, T> {
-    /// All heaters off. Takes as many readings as the median needs, so that temperatures are known
-    /// from the start. The hot end's fan turns until the first [`Self::update`]: after a reset the
-    /// nozzle may be hot.
+    /// Control with all heaters off. Takes as many readings as the median needs, so that
+    /// temperatures are known from the start. The hot end's fan turns until the first
+    /// [`Self::update`]: after a reset the nozzle may be hot.
     pub fn new(
         heaters: [Option<HeaterSettings>; Heater::COUNT],
         fan_table: FanTable,
@@ -80,13 +80,13 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// Takes a sample of every thermometer and sets every heater; to be called every
+    /// Takes a sample of every thermometer and sets every heater; call it every
     /// [`super::SAMPLE_MS`].
     ///
     /// # Errors
     /// A heater or thermometer has failed: all heaters are off and all fans on, until
-    /// [`Self::restart`], and a supply that can be switched is off, until
-    /// [`Self::set_supply`]. Reported once.
+    /// [`Self::restart`], and a switchable supply is off, until [`Self::set_supply`]. Reported
+    /// once.
     pub fn update(&mut self, board: &mut (impl ThermalBoard + Fans)) -> Result<(), HeatFault> {
         let mut found = None;
         for (heater, channel) in channels::<T>(&mut self.channels, &mut self.further) {
@@ -105,8 +105,8 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         let heated = Heated {
             nozzle_celsius: self.hottest_nozzle(),
             bed_is_on: self.channel(Heater::Bed).is_some_and(|bed| bed.target > 0.0),
-            // A transistor that has failed closed cannot be switched off; without a supply that
-            // can, only moving air can cool its heater.
+            // A transistor that has failed closed cannot be switched off; without a switchable
+            // supply, only moving air can cool its heater.
             has_fault: self.fault.is_some(),
             is_halted: self.is_halted || self.fault.is_some(),
             has_supply: self.has_supply(),
@@ -147,7 +147,7 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         self.fault
     }
 
-    /// Sets a target, degrees Celsius; anything not above 0 switches the heater off. It ends an
+    /// Sets a target, degrees Celsius; any value not above 0 switches the heater off. Ends an
     /// autotune of the heater. Ignored after a fault, and while the power supply is off.
     pub fn set_target(&mut self, heater: Heater, celsius: f32) {
         if self.fault.is_some() || !self.has_supply() {
@@ -176,10 +176,10 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// Tunes a heater at a target by a relay that counts `cycles`, and `cycles` again with
-    /// the part-cooling fan at full power if `has_fan`. All checks continue; after its last
-    /// cycle the heater is off. [`Self::set_target`], a fault and [`Self::all_off`] end it.
-    /// Ignored after a fault.
+    /// Tunes a heater at a target by a relay that counts `cycles`, and `cycles` again with the
+    /// part-cooling fan at full power if `has_fan`. All checks continue; after the last cycle the
+    /// heater is off. [`Self::set_target`], a fault and [`Self::all_off`] end the autotune. Ignored
+    /// after a fault.
     pub fn begin_relay(&mut self, heater: Heater, celsius: f32, cycles: u8, has_fan: bool) {
         self.set_target(heater, celsius);
         if self.fault.is_none()
@@ -208,7 +208,7 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// Gives the second nozzle this fan for the part; it replaces the first nozzle's.
+    /// Assigns this part-cooling fan to the second nozzle, instead of the first nozzle's.
     pub fn set_nozzle_fan(&mut self, fan: FanOutput) {
         if let Some(further) = T::get_mut(&mut self.further) {
             further.fan = fan;
@@ -237,10 +237,10 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// Finds the model of a heater that has one, and is not hotter than [`super::hottest_start`],
-    /// by a step response up to a target, and with the part-cooling fan at full power if `has_fan`.
-    /// All checks continue; after it the heater is off. [`Self::set_target`], a fault and
-    /// [`Self::all_off`] end it. Ignored after a fault.
+    /// Starts a step response up to a target to find the model of a heater that has one and is not
+    /// hotter than [`super::hottest_start`], with the part-cooling fan at full power if `has_fan`.
+    /// All checks continue; afterwards the heater is off. [`Self::set_target`], a fault and
+    /// [`Self::all_off`] end the step response. Ignored after a fault.
     pub fn begin_step(&mut self, heater: Heater, celsius: f32, has_fan: bool) {
         self.set_target(heater, celsius);
         if self.fault.is_none()
@@ -256,9 +256,8 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         self.models()?.step(heater)
     }
 
-    /// Takes how much filament the extruder has pushed since some moment, thousandths
-    /// of a millimetre; to be called before each [`Self::update`] of a machine whose
-    /// nozzle melts filament.
+    /// Takes the filament that the extruder has pushed since some moment, thousandths of a
+    /// millimetre; call it before each [`Self::update`] on a machine whose nozzle melts filament.
     pub fn note_filament(&mut self, pushed_um: i32) {
         if let Some(models) = M::get_mut(&mut self.models) {
             models.note_filament(pushed_um);
@@ -284,7 +283,7 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         FanStatus { power: self.fans.power(output), rpm: self.fans.rpm(output) }
     }
 
-    /// The first fan that has full power and turns too slowly
+    /// The first fan that turns too slowly at full power
     /// ([`crate::heat::fans::FanSettings::least_rpm`]).
     pub fn stalled_fan(&self) -> Option<FanOutput> {
         self.fans.stalled()
@@ -296,8 +295,8 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         self.end_step();
     }
 
-    /// Switches the power supply; off switches all heaters off as well. The next [`Self::update`]
-    /// sets the board's output. A fault keeps it off.
+    /// Switches the power supply; switching it off also switches off all heaters. The next
+    /// [`Self::update`] sets the board's output. A fault keeps the supply off.
     pub fn set_supply(&mut self, on: bool) {
         self.supply = Some(on && self.fault.is_none());
         if !on {
@@ -305,7 +304,8 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// Returns true if the power supply is on; `None` if it was never switched, and so cannot be.
+    /// Returns true if the power supply is on; `None` if it was never switched, which means that it
+    /// cannot be.
     pub const fn supply(&self) -> Option<bool> {
         self.supply
     }
@@ -315,21 +315,20 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         !matches!(self.supply, Some(false))
     }
 
-    /// Halts the machine's heat: switches all heaters off, and the power supply if that can
-    /// be switched, so that a heater whose transistor has failed closed is off as well. The
-    /// next [`Self::update`] sets the board's outputs. [`Self::restart`] ends the halt, and
-    /// leaves the supply off.
+    /// Halts heating: switches off all heaters, and the power supply if that can be switched, so
+    /// that even a heater whose transistor has failed closed is off. The next [`Self::update`] sets
+    /// the board's outputs. [`Self::restart`] ends the halt, and leaves the supply off.
     pub fn halt(&mut self) {
         self.all_off();
         self.supply = self.supply.map(|_| false);
         self.is_halted = true;
     }
 
-    /// M999: clears the fault, so that heaters may be switched on again; not if it needs a reset,
-    /// or if the last readings show a fault.
+    /// Clears the fault (M999), so that heaters may be switched on again; fails if the fault needs
+    /// a reset, or if the last readings show a fault.
     ///
     /// # Errors
-    /// The fault, and everything stays off.
+    /// The fault; everything stays off.
     pub fn restart(&mut self) -> Result<(), HeatFault> {
         self.all_off();
         if let Some(fault) = self.fault
@@ -348,20 +347,20 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         self.fault.map_or(Ok(()), Err)
     }
 
-    /// Temperature, target and power of a heater. The temperature is the last one; 0, too cold to
-    /// extrude, before the first.
+    /// Temperature, target and power of a heater. The temperature is the last one; before the first
+    /// it is 0, too cold to extrude.
     pub fn status(&self, heater: Heater) -> HeaterStatus {
         let Some(channel) = self.channel(heater) else { return HeaterStatus::default() };
         let celsius = channel.celsius.unwrap_or(0.0);
         HeaterStatus { celsius, target_celsius: channel.target, power: channel.power }
     }
 
-    /// Returns true if the chamber has a heater beside its thermometer; `None` without either.
+    /// Returns true if the chamber has a heater besides its thermometer; `None` without either.
     pub fn chamber_is_heated(&self) -> Option<bool> {
         self.channel(Heater::Chamber).map(|chamber| chamber.settings.is_heated)
     }
 
-    /// Returns true if a further tool has its own nozzle.
+    /// Returns true if a further tool has a separate nozzle.
     pub fn has_nozzles(&self) -> bool {
         T::PRESENT && self.channel(Heater::Nozzle1).is_some()
     }
@@ -374,15 +373,15 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// The selected tool's nozzle has this heater from now on.
+    /// Makes this heater the selected tool's nozzle from now on.
     pub fn select_nozzle(&mut self, heater: Heater) {
         if let Some(further) = T::get_mut(&mut self.further) {
             further.is_selected = heater == Heater::Nozzle1;
         }
     }
 
-    /// The temperature of the hottest nozzle, degrees Celsius; `None` where one of them is not
-    /// known: its fan turns then.
+    /// Temperature of the hottest nozzle, degrees Celsius; `None` if one is unknown: the fan then
+    /// turns.
     fn hottest_nozzle(&self) -> Option<f32> {
         let celsius = |nozzle: &Channel| nozzle.thermometer.celsius().ok();
         let first = self.channel(Heater::Nozzle).and_then(celsius);

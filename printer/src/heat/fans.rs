@@ -1,7 +1,7 @@
-//! Fans: what each is to do, how it starts, and whether it turns.
+//! Fans: the rule, start and supervision of each.
 //!
-//! Commands and rules ask for powers; [`FanControl`] makes of them what each output gets, with
-//! every sample of the heaters' control.
+//! Commands and rules request powers; [`FanControl`] turns them into each output's power, with
+//! every sample of the heater control.
 
 mod watch;
 
@@ -12,7 +12,7 @@ use watch::TurnWatch;
 
 /// Nozzle temperature at which the hot end's own fan is switched on, degrees Celsius.
 const HOT_END_ON_CELSIUS: f32 = 50.0;
-/// Nozzle temperature below which it is switched off, degrees Celsius.
+/// Nozzle temperature below which the hot end's fan is switched off, degrees Celsius.
 const HOT_END_OFF_CELSIUS: f32 = 45.0;
 
 /// Condition under which a fan turns.
@@ -20,30 +20,30 @@ const HOT_END_OFF_CELSIUS: f32 = 45.0;
 pub enum FanRule {
     /// Turned by SET_FAN_SPEED, and by M106 and M107.
     Commanded {
-        /// P of M106 and M107; 0 is the part-cooling fan, which they set without a P. `None`:
-        /// by its name only.
+        /// P of M106 and M107; 0 is the part-cooling fan, which they set without a P. `None` if it
+        /// is set by name only.
         number: Option<u8>,
     },
-    /// Turns at full power above a hot nozzle, which would otherwise melt the filament on its way.
+    /// Turns at full power while the nozzle is hot, to keep filament from melting above it.
     HotEnd,
-    /// While motors have current or the bed heats, and for a while after.
+    /// Turns while motors have current or the bed heats, and for a while after.
     Controller {
         /// Power, 1 to 255.
         power: u8,
-        /// Length of that while, seconds.
+        /// Duration of that while, seconds.
         idle_s: u16,
     },
-    /// No fan: a light, a relay, by SET_PIN and M42.
+    /// Not a fan but a light or a relay, set by SET_PIN and M42.
     Output {
-        /// P of M42; `None`: by its name only.
+        /// P of M42; `None` if it is set by name only.
         number: Option<u8>,
-        /// True if it may be anything between off and full; otherwise anything above 0 is full.
+        /// True if the output may have any power; otherwise any value above 0 is full power.
         is_pwm: bool,
         /// Power at the start, 0 to 255.
         at_start: u8,
         /// Power while the machine is halted, 0 to 255.
         at_halt: u8,
-        /// The colour that it is of a light, for M150.
+        /// Colour of the light that the output is, for M150.
         color: Option<LightColor>,
     },
 }
@@ -62,12 +62,12 @@ pub enum LightColor {
 }
 
 impl LightColor {
-    /// All, in the order of their powers in [`ferrostep_gcode::Command::SetLight`].
+    /// All colours, in the order of their powers in [`ferrostep_gcode::Command::SetLight`].
     pub const ALL: [Self; 4] = [Self::Red, Self::Green, Self::Blue, Self::White];
 }
 
 impl FanRule {
-    /// Returns true if commands set the power by the name.
+    /// Returns true if commands set the power by name.
     pub(crate) const fn is_named(&self) -> bool {
         matches!(self, Self::Commanded { .. } | Self::Output { .. })
     }
@@ -78,14 +78,15 @@ impl FanRule {
 pub struct FanSettings {
     /// The fan's name in the profile, for SET_FAN_SPEED and reports.
     pub name: &'static str,
-    /// Condition under which it turns.
+    /// Condition under which the fan turns.
     pub rule: FanRule,
-    /// Time of full power when it starts, ms: a fan at rest needs more than one that turns.
+    /// Duration of full power when the fan starts, ms: a fan at rest needs more power than a
+    /// turning one.
     pub kick_start_ms: u16,
-    /// The least power that turns it, 0 to 255: a lower demand above 0 is raised to this.
+    /// Minimum power that turns the fan, 0 to 255: a lower demand above 0 is raised to it.
     pub least_power: u8,
-    /// Slower than this at full power it counts as failed, turns a minute; 0: its tachometer
-    /// is not looked at.
+    /// Speed below which a fan at full power counts as failed, turns a minute; 0: the tachometer is
+    /// ignored.
     pub least_rpm: u16,
 }
 
@@ -93,7 +94,7 @@ pub struct FanSettings {
 pub type FanTable = [Option<FanSettings>; FanOutput::COUNT];
 
 impl FanSettings {
-    /// The default of the part-cooling fan.
+    /// Default part-cooling fan.
     pub const PART: Self = Self {
         name: "part",
         rule: FanRule::Commanded { number: Some(0) },
@@ -102,11 +103,11 @@ impl FanSettings {
         least_rpm: 0,
     };
 
-    /// The default of the hot end's own fan.
+    /// Default fan of the hot end.
     pub const HOT_END: Self =
         Self { name: "hotend", rule: FanRule::HotEnd, kick_start_ms: 0, least_power: 0, least_rpm: 0 };
 
-    /// Only these two.
+    /// The two default fans only.
     pub const USUAL: FanTable = [Some(Self::PART), Some(Self::HOT_END), None, None, None, None];
 }
 
@@ -116,7 +117,7 @@ pub(crate) fn find(table: &FanTable, is_it: impl Fn(&FanSettings) -> bool) -> Op
     fans.find(|(_, fan)| fan.as_ref().is_some_and(&is_it)).map(|(output, _)| output)
 }
 
-/// The powers at the start, by output.
+/// Powers at the start, by output.
 pub(crate) fn start_powers(table: &FanTable) -> [u8; FanOutput::COUNT] {
     table.map(|fan| match fan {
         Some(FanSettings { rule: FanRule::Output { at_start, .. }, .. }) => at_start,
@@ -124,42 +125,42 @@ pub(crate) fn start_powers(table: &FanTable) -> [u8; FanOutput::COUNT] {
     })
 }
 
-/// Powers that the machine asks of its fans.
+/// Powers that the machine requests from its fans.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FanDemand {
-    /// The powers that commands have set, 0 to 255, by output.
+    /// Powers that commands have set, 0 to 255, by output.
     pub powers: [u8; FanOutput::COUNT],
     /// True if any motor has current.
     pub motors_on: bool,
 }
 
 impl FanDemand {
-    /// The part-cooling fan alone, at this power.
+    /// Demand for the part-cooling fan alone, at this power.
     pub const fn part(power: u8) -> Self {
         Self { powers: [power, 0, 0, 0, 0, 0], motors_on: false }
     }
 }
 
-/// State of the heaters' control that the fans follow.
+/// State of the heater control that the fans follow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Heated {
-    /// The nozzle's temperature, degrees Celsius; `None`: unknown.
+    /// Temperature of the nozzle, degrees Celsius; `None`: unknown.
     pub nozzle_celsius: Option<f32>,
     /// True if the bed has a target.
     pub bed_is_on: bool,
-    /// Every fan is to blow with all its power: a heater that cannot be switched off
-    /// needs moving air.
+    /// True if every fan must blow at full power: a heater that cannot be switched off needs moving
+    /// air.
     pub has_fault: bool,
-    /// The machine was halted: outputs are as the profile says for that.
+    /// True if the machine was halted: outputs then have the profile's power for a halt.
     pub is_halted: bool,
-    /// True if the fans have a supply: without it their speed has no meaning.
+    /// True if the fans have supply power: without it their speed is meaningless.
     pub has_supply: bool,
 }
 
-/// A fan at work.
+/// State of a fan.
 #[derive(Clone, Copy, Debug)]
 struct Fan {
-    /// The hot end's fan turns: between its two temperatures it keeps its state.
+    /// True if the hot end's fan turns: between its two temperatures it keeps its state.
     is_on: bool,
     /// Remaining samples of the kick start.
     kick_samples: u16,
@@ -176,14 +177,14 @@ pub(crate) struct FanControl {
 }
 
 impl FanControl {
-    /// The hot end's fan turns: after a reset the nozzle may be hot.
+    /// Fan control in which the hot end's fan turns: after a reset the nozzle may be hot.
     pub const fn new() -> Self {
         let fan = Fan { is_on: true, kick_samples: 0, idle_samples: 0, power: 0, watch: TurnWatch::new() };
         Self { fans: [fan; FanOutput::COUNT] }
     }
 
-    /// Works out every fan's power and sets it; to be called every [`SAMPLE_MS`]. Returns the power
-    /// of the part-cooling fan's output.
+    /// Computes and sets every fan's power; call it every [`SAMPLE_MS`]. Returns the power of the
+    /// part-cooling fan's output.
     pub fn update(&mut self, table: &FanTable, demand: &FanDemand, heated: &Heated, board: &mut impl Fans) -> u8 {
         for (output, settings) in FanOutput::ALL.into_iter().zip(table) {
             let (Some(fan), Some(settings)) = (self.fans.get_mut(output.index()), settings) else { continue };
@@ -201,24 +202,24 @@ impl FanControl {
         self.power(FanOutput::Part)
     }
 
-    /// The power that a fan has, 0 to 255.
+    /// Present power of a fan, 0 to 255.
     pub fn power(&self, output: FanOutput) -> u8 {
         self.fans.get(output.index()).map_or(0, |fan| fan.power)
     }
 
-    /// Turns a minute, over the last seconds; `None` without a tachometer.
+    /// Speed of a fan over the last seconds, turns a minute; `None` without a tachometer.
     pub fn rpm(&self, output: FanOutput) -> Option<u16> {
         self.fans.get(output.index()).and_then(|fan| fan.watch.rpm())
     }
 
-    /// The first fan that has full power and does not turn as fast as it must.
+    /// The first fan at full power that turns slower than required.
     pub fn stalled(&self) -> Option<FanOutput> {
         FanOutput::ALL.into_iter().zip(&self.fans).find(|(_, fan)| fan.watch.is_stalled()).map(|(output, _)| output)
     }
 }
 
 impl Fan {
-    /// Power that its rule asks for.
+    /// Power that the fan's rule requests.
     fn asked(&mut self, settings: &FanSettings, commanded: u8, demand: &FanDemand, heated: &Heated) -> u8 {
         match settings.rule {
             FanRule::Output { is_pwm: false, .. } if commanded > 0 => u8::MAX,
@@ -243,7 +244,7 @@ impl Fan {
         }
     }
 
-    /// The power that makes it turn as asked: enough to start, and enough to keep turning.
+    /// Power that makes the fan turn as requested: enough to start, and enough to keep turning.
     fn started(&mut self, settings: &FanSettings, asked: u8) -> u8 {
         if asked == 0 {
             self.kick_samples = 0;

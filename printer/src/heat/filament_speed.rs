@@ -2,12 +2,13 @@
 
 use super::sample_time::SAMPLE_S;
 
-/// Share of the newest speed that the smoothed one takes over, a sample: a time constant of half a
-/// second. Motion is planned in pieces of up to that, and filament that is drawn back and pushed
-/// again does not melt.
+/// Share of the newest speed in the smoothed one, per sample: a time constant of half a second.
+/// Motion is planned in pieces of up to that length, and retracted filament that is pushed again
+/// does not melt.
 const SHARE: f32 = 2.0 * SAMPLE_S;
 
-/// A change in one sample that no extruder makes, thousandths of a millimetre: its place was set.
+/// Change in one sample that no extruder can make, thousandths of a millimetre: its position was
+/// set.
 const JUMP_UM: u32 = 5_000;
 
 /// The smoothed speed.

@@ -1,6 +1,6 @@
 //! Interpretation of the words of a G-code line as the move that they ask for.
 
-use ferrostep_gcode::{ArcForm, AxisWords, Decimal};
+use ferrostep_gcode::{ArcForm, AxisWords, Command, Decimal};
 use ferrostep_planner::extruder::Extruder;
 use ferrostep_planner::kinematics::MAX_COORDINATE_10NM;
 use ferrostep_planner::{Move, filament_100pm};
@@ -30,6 +30,20 @@ pub(crate) struct MoveInterpreter<'a> {
     pub modal: Modal,
     pub tally: Tally,
     pub newest_retraction: Option<NewestRetraction>,
+}
+
+/// The places of a move as its line asks for them, before soft limits draw it in: units of 10 nm of
+/// the machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AskedPlaces {
+    /// Place before the move.
+    pub from_10nm: [i64; 3],
+    /// Target.
+    pub to_10nm: [i64; 3],
+    /// Range of an arc in X and in Y.
+    pub reach_10nm: Option<[[i64; 2]; 2]>,
+    /// True if filament is pushed along a path.
+    pub extrudes: bool,
 }
 
 /// A move whose words have been checked, and the state after it.
@@ -250,6 +264,27 @@ impl<'a> MoveInterpreter<'a> {
         // planner in many moves.
         self.check_filament(self.filament(&target))?;
         Ok(target)
+    }
+
+    /// The places of a G0 to G3 as its line asks for them; `None` for another command, and for a
+    /// move that is refused.
+    pub fn asked_places(&self, command: &Command<'_>) -> Option<AskedPlaces> {
+        let from_10nm = self.modal.machine_10nm;
+        let (target, pushes, reach_10nm) = match *command {
+            Command::Linear { rapid, ref axes, feed } => {
+                let target = self.target(axes, feed).ok()?;
+                let by_length = !rapid && self.extrudes_by_length(axes, &target);
+                (target, by_length || self.filament(&target) > 0, None)
+            }
+            Command::Arc { clockwise, ref axes, form, feed } => {
+                let moves = self.arc(clockwise, axes, form, feed, 0).ok()?;
+                (moves.target, moves.extrudes && moves.filament_100pm >= 0, Some(moves.reach_10nm))
+            }
+            _ => return None,
+        };
+        let to_10nm = target.machine_10nm;
+        let is_path = reach_10nm.is_some() || to_10nm != from_10nm;
+        Some(AskedPlaces { from_10nm, to_10nm, reach_10nm, extrudes: pushes && is_path })
     }
 
     fn filament(&self, target: &Target) -> i64 {

@@ -102,7 +102,7 @@ fn a_job_is_prepared_from_standard_input_and_from_binary_gcode() {
     assert!(fed(&["inspect", "-"], &job).stdout.starts_with("encoding     Compact\n"));
     let again = fed(&["papers", "--compare", "-"], &job);
     assert_eq!(again.status, Some(2));
-    assert!(again.stderr.contains("error: standard input: this is a prepared job, and --compare takes G-code"));
+    assert!(again.stderr.contains("error: standard input: this is a prepared job, with its methods fixed"));
 }
 
 /// The picture of binary G-code, which is in a separate block, goes into the prepared job.
@@ -132,7 +132,7 @@ fn inspect_shows_what_the_slicer_says_in_binary_gcode() {
     assert!(of_cube.contains(printed["producer"].as_str().unwrap()), "{of_cube}");
     let items = ferrostep(["inspect".as_ref(), ring.as_os_str(), "--items".as_ref()]);
     assert_eq!(items.status, Some(2), "{items:#?}");
-    assert!(items.stderr.contains("inspect takes a prepared job"), "{items:#?}");
+    assert!(items.stderr.contains("inspect reads prepared jobs"), "{items:#?}");
 }
 
 #[test]

@@ -136,7 +136,10 @@ fn what_cannot_be_corrected_stays_as_it_is() {
     let cut = &example("cube.gcode")[..100_001];
     let cut_word = [cut, b"\nG1 X-"].concat();
     let cold = JOB.replace("M302 P1\n", "");
-    let cases: [(&str, Vec<u8>, i32, &str); 9] = [
+    let mut damaged = example("cube.bgcode");
+    let cut_block = damaged[..20_000].to_vec();
+    damaged[20_000] ^= 4;
+    let cases: [(&str, Vec<u8>, i32, &str); 10] = [
         ("cold.gcode", cold.into_bytes(), 1, "line 4"),
         ("cut.gcode", cut_word, 1, "expected one like 12.5"),
         ("comments.gcode", b"; nothing\n".to_vec(), 1, "no motion"),
@@ -144,7 +147,8 @@ fn what_cannot_be_corrected_stays_as_it_is() {
         ("packed.gcode.gz", gzip(JOB.as_bytes()), 2, "packed with gzip"),
         ("plate.gcode.3mf", b"PK\x03\x04 and more".to_vec(), 2, "a zip archive"),
         ("picture.gcode", b"\x89PNG\r\n\x1a\n\0\0".to_vec(), 2, "not a text file"),
-        ("part.bgcode", fs::read(repository().join("examples/cube.bgcode")).unwrap(), 2, "binary G-code"),
+        ("cut.bgcode", cut_block, 2, "the file ends before its end: copy or export it again"),
+        ("damaged.bgcode", damaged, 2, "copy or export the file again"),
         ("numbered.gcode", b"N1 G28*18\nN2 G1 X5*103\n".to_vec(), 1, "--no-m73"),
     ];
     for (name, bytes, status, reason) in cases {
@@ -180,14 +184,76 @@ fn a_file_that_ends_early_gets_its_own_time() {
 /// The disk is full, or a quota reached, in the middle of the copy.
 #[test]
 fn a_copy_that_finds_no_room_leaves_the_file() {
-    let folder = directory();
-    let path = file(&folder, "job.gcode", example("cube.gcode"));
-    let before = fs::read(&path).unwrap();
-    let limited = "trap '' XFSZ; ulimit -f 64; exec \"$0\" post-process \"$1\"";
-    let output = Command::new("sh").args(["-c", limited]).arg(program()).arg(&path).output().unwrap();
-    let outcome = Outcome::from(output);
-    assert_eq!(outcome.status, Some(1), "{outcome:?}");
-    assert!(outcome.stderr.contains("job.gcode: cannot be written: File too large"), "{outcome:?}");
-    assert!(fs::read(&path).unwrap() == before);
-    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    for (name, example_name, blocks) in [("job.gcode", "cube.gcode", 64), ("job.bgcode", "cube.bgcode", 32)] {
+        let folder = directory();
+        let path = file(&folder, name, example(example_name));
+        let before = fs::read(&path).unwrap();
+        let limited = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" post-process \"$1\"");
+        let output = Command::new("sh").args(["-c", &limited]).arg(program()).arg(&path).output().unwrap();
+        let outcome = Outcome::from(output);
+        assert_eq!(outcome.status, Some(1), "{outcome:?}");
+        assert!(outcome.stderr.contains(&format!("{name}: cannot be written: File too large")), "{outcome:?}");
+        assert!(fs::read(&path).unwrap() == before);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}
+
+/// The kind, compression and encoding of each block, by the specification's layout.
+fn forms(file: &[u8]) -> Vec<[u16; 3]> {
+    let has_checksums = u16_at(file, 8) == 1;
+    let (mut place, mut forms) = (10, Vec::new());
+    while place < file.len() {
+        let [kind, compression] = [u16_at(file, place), u16_at(file, place + 2)];
+        let (header, size_at) = if compression == 0 { (8, 4) } else { (12, 8) };
+        let size = u32::from_le_bytes(file[place + size_at..][..4].try_into().unwrap());
+        forms.push([kind, compression, u16_at(file, place + header)]);
+        let data = place + header + if kind == 5 { 6 } else { 2 } + size as usize;
+        if has_checksums {
+            let mut crc = flate2::Crc::new();
+            crc.update(&file[place..data]);
+            assert_eq!(crc.sum().to_le_bytes(), file[data..data + 4], "block {}", forms.len());
+        }
+        place = data + if has_checksums { 4 } else { 0 };
+    }
+    forms
+}
+
+fn u16_at(file: &[u8], place: usize) -> u16 {
+    u16::from_le_bytes(file[place..place + 2].try_into().unwrap())
+}
+
+/// Prusa's files of every compression and encoding: the time is in, the blocks keep their form and
+/// order, and the steps are the same.
+#[test]
+fn binary_gcode_is_corrected_in_its_form() {
+    let folder = repository().join("desk/binary-gcode/tests/data");
+    let names = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path());
+    let rings: Vec<PathBuf> = names.filter(|path| path.extension().is_some_and(|end| end == "bgcode")).collect();
+    assert_eq!(rings.len(), 13);
+    for source in rings.into_iter().chain([repository().join("examples/cube.bgcode")]) {
+        let name = source.file_name().unwrap().to_str().unwrap().to_owned();
+        let before = fs::read(&source).unwrap();
+        let folder = directory();
+        let path = file(&folder, "job.bgcode", &before);
+        let steps = digests(&path, "prusa-mini");
+        let outcome = post_process(&path, &["--profile", "prusa-mini", "--json"]);
+        assert_eq!((outcome.status, outcome.stderr.as_str()), (Some(0), ""), "{name}: {outcome:?}");
+        let report = outcome.json();
+        assert!(report["changed"] == true && report["comments"].as_u64() >= Some(1), "{name}: {report}");
+        assert!(report["slicer_time_s"].as_f64() > Some(1000.0), "{name}: {report}");
+        let after = fs::read(&path).unwrap();
+        let distinct = |mut forms: Vec<[u16; 3]>| {
+            forms.dedup();
+            forms
+        };
+        assert_eq!(distinct(forms(&after)), distinct(forms(&before)), "{name}");
+        assert_eq!(digests(&path, "prusa-mini"), steps, "{name}");
+        let estimate = ferrostep(["estimate", path.to_str().unwrap(), "--profile", "prusa-mini", "--json"]).json();
+        let [ours, slicer] = ["print_time_s", "slicer_time_s"].map(|key| estimate[key].as_f64().unwrap());
+        assert!((ours - slicer).abs() <= 0.5, "{name}: {ours} and {slicer}");
+        assert!(after.len() < before.len() * 3 / 2, "{name}: {} bytes", after.len());
+        let again = post_process(&path, &["--profile", "prusa-mini"]);
+        assert!(again.stdout.contains("already in"), "{name}: {again:?}");
+        assert!(fs::read(&path).unwrap() == after, "{name}: the second run changes it");
+    }
 }

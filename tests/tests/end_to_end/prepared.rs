@@ -177,20 +177,20 @@ fn each_broken_file_is_refused_with_its_message() {
         file(&directory, "broken.gpre", job)
     };
     let cut = changed(&|job| job.truncate(header + 40));
-    says(&refusal(&cut, 1, &[]), &format!("frame 0 at byte {}: the file ends too early", header + 40));
+    says(&refusal(&cut, 1, &[]), &format!("frame 0 at byte {}: the file is cut short", header + 40));
     let cut = changed(&|job| job.truncate(30));
-    says(&refusal(&cut, 1, &[]), "at byte 30: the file ends too early");
+    says(&refusal(&cut, 1, &[]), "at byte 30: the file is cut short");
     let mark = changed(&|job| job[1] = b'X');
     says(&refusal(&mark, 2, &[]), "not a text file: byte 0x1a at offset 7");
     let newer = changed(&|job| job[8] = 2);
     says(&refusal(&newer, 1, &[]), "at byte 8: written in version 2 of the format, expected at most 1");
     says(&refusal(&path, 1, &["--profile", "corexy"]), "at byte 16: prepared for another machine");
     let bit = changed(&|job| job[header + 20] ^= 1);
-    says(&refusal(&bit, 1, &[]), &format!("frame 0 at byte {header}: bits have changed: the checksum is "));
+    says(&refusal(&bit, 1, &[]), &format!("frame 0 at byte {header}: damaged: its checksum is "));
     let bit = changed(&|job| job[20] ^= 1);
-    says(&refusal(&bit, 1, &[]), "at byte 0: bits have changed");
+    says(&refusal(&bit, 1, &[]), "at byte 0: damaged: its checksum");
     let longer = changed(&|job| job.push(0));
-    says(&refusal(&longer, 1, &[]), &format!("at byte {}: more bytes after the last frame", job.len()));
+    says(&refusal(&longer, 1, &[]), &format!("at byte {}: bytes follow the last frame", job.len()));
     let mut swapped = by_hand(&[(40, EntrySpeed::Bound), (40, EntrySpeed::Bound)]);
     let head = swapped[header..].first_chunk::<HEAD_BYTES>().unwrap();
     let length = frame_length(head).unwrap();
@@ -213,7 +213,7 @@ fn content_decides_what_a_file_is() {
     says(&outcome.stderr, "the name says prepared job, the content is G-code");
     for (command, file, expected) in [
         ("estimate", &path, "this is a prepared job, and estimate takes G-code"),
-        ("inspect", &named_gpre, "this is G-code; inspect takes a prepared job"),
+        ("inspect", &named_gpre, "this is G-code, and inspect reads prepared jobs"),
     ] {
         let outcome = ferrostep([command, file.to_str().unwrap()]);
         assert_eq!(outcome.status, Some(2), "{outcome:#?}");

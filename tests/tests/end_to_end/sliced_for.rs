@@ -17,7 +17,10 @@ fn estimate(name: &str, bytes: impl AsRef<[u8]>) -> Outcome {
 fn a_job_is_planned_on_the_travel_that_its_comments_name() {
     let long = ";\n".repeat(200_000);
     let orca = "; printable_area = 0x0,350x0,350x350,0x350\n; printable_height = 340";
+    let idea =
+        ";Sliced by ideaMaker 5.4.2.8790, 2026-03-01\n;Dimension: 350.000 350.000 340.000 0.400\n;Origin Center: 0";
     for (name, bytes) in [
+        ("ideamaker.gcode", format!("{idea}\n{}", job("")).into_bytes()),
         ("prusa.gcode", job("; bed_shape = 0x0,350x0,350x350,0x350\r\n; max_print_height = 340").into_bytes()),
         ("orca.gcode", format!("{orca}\n{}{long}", job("")).into_bytes()),
         ("packed.gcode.gz", gzip(format!("{long}{}", job(orca)).as_bytes())),
@@ -62,6 +65,8 @@ fn limits_in_the_comments_hold_for_every_command_and_none_if_the_machine_cannot_
     assert!(own_s - fast_s > 10.0, "Z is five times as fast as the built-in one: {fast_s} {own_s}");
     let (swept_s, note) = seconds("sweep", "fast.gcode", limits(50), &["--set", "junction_deviation_mm=0.05"]);
     assert!((swept_s - fast_s).abs() < 1e-6 && note.contains("350 x 350"), "{swept_s} {fast_s} {note}");
+    let (corrected_s, note) = seconds("post-process", "fast.gcode", limits(50), &[]);
+    assert!((corrected_s - fast_s).abs() < 1e-6 && note.contains("350 x 350"), "{corrected_s} {fast_s} {note}");
     let (_, note) = seconds("compare", "fast.gcode", limits(50), &["--set", "junction_deviation_mm=0.05"]);
     assert_eq!(note.matches("350 x 350").count(), 1, "{note}");
 }
@@ -86,7 +91,10 @@ fn a_travel_that_cannot_be_read_or_built_is_named_and_none_of_it_is_taken() {
             "; bed_shape = 0x0,350x0,35x,0x350\n; max_print_height = 340",
             "no travel can be read from its comment \"bed_shape = 0x0,350x0,35x,0x350\"",
         ),
-        ("; bed_shape = 0x0,5000x5000\n; max_print_height = 340", "5000 x 5000 x 340 mm, is no machine's here"),
+        (
+            "; bed_shape = 0x0,5000x5000\n; max_print_height = 340",
+            "5000 x 5000 x 340 mm, does not suit ferrostep's machine",
+        ),
     ] {
         let outcome = estimate("job.gcode", job(comments));
         assert_eq!(outcome.status, Some(1), "{outcome:#?}");

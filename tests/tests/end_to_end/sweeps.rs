@@ -72,11 +72,11 @@ fn what_cannot_be_swept_is_refused() {
     let job = file(&directory, "job.gcode", "G28\n");
     let cases: [(&[&str], &str); 9] = [
         (&["--acceleration", "5..1"], "a range begins above 0 and rises, as 500..16000"),
-        (&["--acceleration", "fast"], "\"fast\" is no number, expected a range as 500..16000 or a list"),
+        (&["--acceleration", "fast"], "\"fast\" is not a number, expected a range as 500..16000 or a list"),
         (&["--acceleration", "0,100"], "cartesian: max_acceleration_mm_per_s2.x = 0: expected"),
         (&["--set", "acceleration"], "expected KEY=VALUES"),
         (&["--set", "accel=1..2"], "cartesian: unknown key \"accel\", expected "),
-        (&["--set", "name.x=1..2"], "cartesian: name.x: \"name\" is no table of the profile"),
+        (&["--set", "name.x=1..2"], "cartesian: name.x: \"name\" is not a table of the profile"),
         (&["--set", "homing.x.end=1"], "cartesian: homing.x.end = 1: expected \"min\" or \"max\""),
         (
             &["--set", "jerk_mm_per_s3=1..2", "--set", "min_extrusion_celsius=3"],
@@ -157,7 +157,7 @@ fn budgets_that_no_frame_is_known_for_are_refused() {
             &["estimate", job, "--profile", own, "--error-budget", "0.005"],
             "error_budget_mm = 0.005: expected at least 0.0",
         ),
-        (&["estimate", job, "--error-budget", "little"], "\"little\" is no number"),
+        (&["estimate", job, "--error-budget", "little"], "\"little\" is not a number"),
         (&["estimate", job, "--simulate"], "--error-budget"),
         (&["sweep", job, "--acceleration", "500", "--simulate"], "--simulate plays the steps on the printer's frame"),
         (&["sweep", job, "--error-budget", "0.02", "--acceleration", "500"], "cannot be used with"),

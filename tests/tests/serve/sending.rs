@@ -241,10 +241,10 @@ fn what_is_no_printer_is_refused_and_left_as_it_is() {
     let letter = folder.path().join("letter.txt");
     std::fs::write(&letter, "Dear printer").unwrap();
     for (port, expected) in [
-        (letter.to_str().unwrap(), "this is an ordinary file, expected a serial port: `ferrostep ports` lists them"),
+        (letter.to_str().unwrap(), "this is an ordinary file, not a serial port: `ferrostep ports` lists the ports"),
         (folder.path().to_str().unwrap(), "this is a folder"),
-        ("/dev/no-such-port", "/dev/no-such-port: No such file"),
-        ("/dev/null", "/dev/null: this device is no serial port: `ferrostep ports` lists them"),
+        ("/dev/no-such-port", "/dev/no-such-port: there is no such port: `ferrostep ports` lists the ports"),
+        ("/dev/null", "/dev/null: this device is not a serial port: `ferrostep ports` lists the ports"),
         ("tcp:localhost", "expected tcp:HOST:PORT"),
         ("tcp:127.0.0.1:1", "no connection: "),
     ] {

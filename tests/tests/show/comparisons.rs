@@ -82,7 +82,7 @@ fn what_cannot_be_compared_is_refused() {
     refused(&["job.gcode", "-"], "give it files, not -");
     refused(&["job.gcode", "missing.gcode", "-o", "page.html"], "missing.gcode: cannot be read");
     refused(&["job.gcode", "--profile-b", "mine.toml", "-o", "mine.toml"], "this is the profile");
-    refused(&["job.gcode", "--set", "junction_deviation_mm=x"], "\"x\" is no number");
+    refused(&["job.gcode", "--set", "junction_deviation_mm=x"], "\"x\" is not a number");
     refused(&["job.gcode", "--set", "junction_deviation_mm=-1", "-o", "page.html"], "junction_deviation_mm");
     refused(&["job.gcode", "job.gcode", "--frequency-x", "0", "-o", "page.html"], "at 0 Hz, expected 1 to 1000 Hz");
     for (out, reason) in

@@ -47,7 +47,7 @@ fn parsed(text: &str) -> Result<Files, Failure> {
     let mut files = Files::new();
     let mut file = None;
     for line in text.lines() {
-        let lost = || format!("{}: this line is no file, number or survivor: {line}", PAGE.path);
+        let lost = || format!("{}: this line is not a file, number or survivor: {line}", PAGE.path);
         if let Some(row) = line.strip_prefix("| `") {
             let (name, numbers) = row.split_once("` | ").ok_or_else(lost)?;
             let mutants = numbers.split(' ').next().and_then(|number| number.parse().ok()).ok_or_else(lost)?;

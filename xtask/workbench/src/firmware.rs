@@ -192,7 +192,7 @@ fn absolute(name_or_path: &str, is_name: impl Fn(&str) -> bool) -> Result<String
         return Ok(name_or_path.to_owned());
     }
     let path = std::path::absolute(name_or_path).map_err(|error| format!("{name_or_path}: {error}"))?;
-    path.to_str().map(str::to_owned).ok_or_else(|| format!("{name_or_path}: the path is no text"))
+    path.to_str().map(str::to_owned).ok_or_else(|| format!("{name_or_path}: the path is not Unicode text"))
 }
 
 /// Builds the named images, prints a path and a size table for each board, and returns the images,
@@ -411,7 +411,8 @@ pub fn renamed_folders(table: &str, folders: &[(PathBuf, String)]) -> Result<Str
     let flags: Result<Vec<toml::Value>, Failure> = folders
         .iter()
         .map(|(folder, name)| {
-            let folder = folder.to_str().ok_or_else(|| format!("{}: the path is no text", folder.display()))?;
+            let folder =
+                folder.to_str().ok_or_else(|| format!("{}: the path is not Unicode text", folder.display()))?;
             Ok(toml::Value::from(format!("--remap-path-prefix={folder}={name}")))
         })
         .collect();

@@ -9,7 +9,7 @@ fn a_key_is_set_where_it_stands_or_added() {
     set(&mut table, "f", 1e20).unwrap();
     let expected: Table = "f = 1e20\na = { x = 3 }\n[b]\nc = 2\n[b.d]\ne = 0.5".parse().unwrap();
     assert_eq!(table, expected);
-    assert_eq!(set(&mut table, "f.g", 1.0).unwrap_err(), "f.g: \"f\" is no table of the profile");
+    assert_eq!(set(&mut table, "f.g", 1.0).unwrap_err(), "f.g: \"f\" is not a table of the profile");
 }
 
 #[test]

@@ -56,7 +56,7 @@ impl fmt::Display for ValuesError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Number(text) => {
-                write!(out, "\"{text}\" is no number, expected a range as 500..16000 or a list as 500,1000,3000")
+                write!(out, "\"{text}\" is not a number, expected a range as 500..16000 or a list as 500,1000,3000")
             }
             Self::Range => out.write_str("a range begins above 0 and rises, as 500..16000"),
             Self::TooMany(count) => write!(out, "{count} values are too many, expected at most {MAX_VALUES}"),

@@ -9,6 +9,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 
 use super::*;
+use crate::{FileForm, Form};
 
 /// Bits, the highest first.
 #[derive(Default)]
@@ -252,6 +253,31 @@ proptest! {
         let (text, outcome) = read(&file, portion, portion);
         prop_assert_eq!(outcome, Ok(()));
         prop_assert_eq!(String::from_utf8(text).unwrap(), [&*lines, &*lines].concat());
+    }
+
+    #[test]
+    fn what_is_written_anew_comes_back(
+        (old, new) in (text(), text()),
+        lines in "([GMXYE0-9.; \u{e9}]{1,20}\n){1,30}",
+        compression in 0..4_u16,
+        encoding in 0..3_u16,
+        has_checksums: bool,
+    ) {
+        let header = header(1, has_checksums.into());
+        let file = FileForm::of(&header).unwrap();
+        let first = block(4, compression, &[0], old.len() as u32, &compressed(&old, compression), has_checksums);
+        let form = Form::of(file, &first).unwrap();
+        prop_assert_eq!((form.kind(), form.block_bytes()), (BlockKind::PrintMetadata, first.len() as u64));
+        prop_assert_eq!(form.contents(&first).unwrap(), old);
+        prop_assert_eq!(form.contents(&first[..first.len() - 5]).ok(), None);
+        let head = block(1, compression, &[encoding], 0, b"", has_checksums);
+        let gcode = Form::of(file, &head).unwrap().block(lines.as_bytes());
+        prop_assert_eq!(&gcode[..4], &head[..4]);
+        // Bytes that are not UTF-8 are not packed.
+        let odd = Form::of(file, &head).unwrap().block(b"; \xff\xff\xfa\n");
+        let (text, outcome) = read(&[header, form.block(&new), gcode, odd].concat(), 1000, 1000);
+        prop_assert_eq!(outcome, Ok(()));
+        prop_assert_eq!(text, [&new, lines.as_bytes(), b"; \xff\xff\xfa\n"].concat());
     }
 
     #[test]

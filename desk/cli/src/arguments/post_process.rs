@@ -9,15 +9,16 @@ use super::values::rules;
 /// Arguments of `post-process`.
 #[derive(clap::Args)]
 pub struct PostProcessArguments {
-    /// The G-code, as text. It is replaced when all of its new text is on the disk; slicers give it
-    /// as the last argument.
+    /// The G-code, as text or binary. It is replaced when all of the new file is on the disk;
+    /// slicers give it as the last argument.
     pub file: PathBuf,
     /// Writes the new text here, and leaves FILE as it is.
     #[arg(short, long, value_name = "OUT")]
     pub out: Option<PathBuf>,
-    /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
-    #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
-    pub profile: String,
+    /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file [default: cartesian,
+    /// with the travel and limits in the slicer's comments].
+    #[arg(long, value_name = "NAME|PATH")]
+    pub profile: Option<String>,
     /// The firmware by whose rules the file is planned [default: that of the profile's
     /// rules.planned_by].
     #[arg(long, value_name = "RULES", value_parser = rules())]

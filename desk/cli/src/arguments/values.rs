@@ -43,7 +43,7 @@ pub fn rules() -> impl TypedValueParser<Value = PlannedBy> {
 pub fn key_and_value(text: &str) -> Result<(String, f64), String> {
     let (key, value) = text.split_once('=').ok_or("expected KEY=VALUE, as junction_deviation_mm=0.02")?;
     let number = value.trim().parse().ok().filter(|number: &f64| number.is_finite());
-    Ok((key.trim().to_owned(), number.ok_or_else(|| format!("\"{}\" is no number", value.trim()))?))
+    Ok((key.trim().to_owned(), number.ok_or_else(|| format!("\"{}\" is not a number", value.trim()))?))
 }
 
 /// A key and its values.

@@ -19,8 +19,8 @@ pub fn run(file: &Path, shown: Shown) -> Result<ExitCode, String> {
     }
     if !input.is_prepared() {
         return Err(format!(
-            "{name}: this is G-code; inspect takes a prepared job, which `ferrostep preprocess` makes, and of binary G-code \
-             shows what its slicer says"
+            "{name}: this is G-code, and inspect reads prepared jobs (`ferrostep preprocess` makes one) and binary G-code: \
+             `ferrostep estimate` gives its time"
         ));
     }
     let mut out = BufWriter::new(std::io::stdout().lock());

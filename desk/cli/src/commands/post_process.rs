@@ -9,17 +9,19 @@ use ferrostep_session::rules::RuledMachine;
 use ferrostep_session::{JobReplies, Session};
 
 use crate::arguments::PostProcessArguments;
+use crate::machine;
 use crate::outcome::{exit_code, result};
 use crate::progress::Progress;
 use crate::protected::{inputs, profile_file};
 
 /// Writes the time of the print into its file.
 pub fn run(arguments: &PostProcessArguments) -> Result<ExitCode, String> {
-    let RuledMachine { profile, by, .. } =
-        RuledMachine::load(&arguments.profile, arguments.rules).map_err(|error| error.to_string())?;
+    let named = arguments.profile.as_deref();
+    let machine = machine::of_file(named, arguments.rules, &arguments.file)?;
+    let RuledMachine { profile, by, .. } = machine.ruled().map_err(|error| error.to_string())?;
     let protected = match arguments.out {
-        Some(_) => inputs(&arguments.file, &arguments.profile),
-        None => profile_file(&arguments.profile).into_iter().collect(),
+        Some(_) => inputs(&arguments.file, &machine.origin),
+        None => profile_file(&machine.origin).into_iter().collect(),
     };
     let options = Options {
         file: &arguments.file,

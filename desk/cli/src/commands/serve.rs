@@ -183,6 +183,7 @@ fn summary(served: Served, address: String, profile: &str, wall: Duration) -> Su
         moves: served.tally.moves,
         unknown_commands: served.unknown_commands,
         clamped_moves: served.tally.clamped_moves,
+        extent_mm: None,
         print_time_s: figures.print_time_s,
         motion_time_s: figures.motion_time_s,
         filament_mm: served.tally.filament_100pm as f64 / FILAMENT_UNITS_PER_MM as f64,

@@ -116,7 +116,7 @@ fn default_page(file: &Path) -> Result<PathBuf, String> {
     };
     if page.symlink_metadata().is_ok() && !is_ours(&page) {
         return Err(format!(
-            "{}: the file exists and is no page of ours: choose the page's name with -o",
+            "{}: a file of this name exists, and show did not write it: choose another name with -o",
             printable::name(&page)
         ));
     }

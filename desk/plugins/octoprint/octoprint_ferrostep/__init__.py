@@ -17,7 +17,7 @@ class FerrostepPlugin(
     """Settings, and the queue that replaces OctoPrint's own for G-code."""
 
     def get_settings_defaults(self):
-        return {"command": "ferrostep", "profile": "cartesian", "options": ""}
+        return {"command": "ferrostep", "profile": "", "options": ""}
 
     def get_settings_restricted_paths(self):
         # They name files and programs of this computer.

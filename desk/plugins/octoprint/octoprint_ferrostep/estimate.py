@@ -23,7 +23,8 @@ class Estimate:
             further = shlex.split(options or "")
         except ValueError as error:
             raise EstimateFailed(f"the options {options!r}: {error}; mend them in the plug-in's settings") from error
-        arguments = [program(command), "estimate", str(file), "--profile", profile or "cartesian", *further, "--json"]
+        machine = ["--profile", profile] if profile else []
+        arguments = [program(command), "estimate", str(file), *machine, *further, "--json"]
         self._process = started(arguments)
 
     def end(self):
@@ -34,7 +35,10 @@ class Estimate:
         """Waits for the time, in seconds."""
         said, errors = finished(self._process)
         if self._process.returncode != 0:
-            raise EstimateFailed(errors.strip().removeprefix("error: ") or f"ferrostep ended with status {self._process.returncode}")
+            # Notes may precede the error.
+            reason = errors.strip()
+            reason = reason.partition("error: ")[2] or reason
+            raise EstimateFailed(reason or f"ferrostep ended with status {self._process.returncode}")
         try:
             return float(json.loads(said)["print_time_s"])
         except (ValueError, KeyError, TypeError) as error:

@@ -1,14 +1,15 @@
 //! Binary G-code: its metadata, and its G-code as text.
 
 use std::fmt;
-use std::io::{self, Read};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::rc::Rc;
 
-use ferrostep_binary_gcode::{BlockKind, Decoder, Error, Progress, Selection, ThumbnailFormat, entries, seconds};
+use ferrostep_binary_gcode::{BlockKind, Decoder, Progress, Selection, ThumbnailFormat, entries, seconds};
 use ferrostep_gpre::Thumbnail;
 use ferrostep_host::printable::one_line;
 use serde::Serialize;
 
+use super::InputError;
 use super::place::Place;
 use super::sliced_for::SlicedFor;
 use crate::duration::hms;
@@ -76,22 +77,23 @@ pub struct Description {
 
 impl Description {
     /// Reads a whole file and compares the checksums of all its blocks.
-    pub fn of(file: &[u8]) -> Result<Self, Error> {
+    pub(super) fn of(file: impl Read + Seek) -> Result<Self, InputError> {
         let mut description = Self::default();
-        let mut decoder = Decoder::new(Selection::DESCRIPTION);
+        let mut blocks = Blocks::new(file, Selection::DESCRIPTION);
         let mut portion = vec![0; PORTION_BYTES];
         let mut open: Option<(BlockKind, u64, Vec<u8>)> = None;
         loop {
-            match decoder.advance(rest(file, &decoder), &mut portion)? {
+            match blocks.advance(&mut portion)? {
                 Progress::More => {}
                 Progress::Contents(kind, length) => {
                     let contents = portion.get(..length).unwrap_or_default();
+                    let offset = blocks.decoder.block_offset();
                     match &mut open {
-                        Some((last, block, bytes)) if (*last, *block) == (kind, decoder.block_offset()) => {
+                        Some((last, block, bytes)) if (*last, *block) == (kind, offset) => {
                             bytes.extend_from_slice(contents);
                         }
                         _ => {
-                            description.keep(open.replace((kind, decoder.block_offset(), contents.to_vec())));
+                            description.keep(open.replace((kind, offset, contents.to_vec())));
                         }
                     }
                 }
@@ -144,39 +146,65 @@ impl fmt::Display for Description {
     }
 }
 
-/// Bytes from the decoder's place on.
-fn rest<'a>(file: &'a [u8], decoder: &Decoder) -> &'a [u8] {
-    usize::try_from(decoder.position()).ok().and_then(|position| file.get(position..)).unwrap_or_default()
+/// The selected blocks of a file, read in portions.
+struct Blocks<R> {
+    file: R,
+    decoder: Decoder,
+    /// The bytes of the file that were read last.
+    portion: Vec<u8>,
+    /// Their place in the file.
+    from: u64,
+}
+
+impl<R: Read + Seek> Blocks<R> {
+    fn new(file: R, selection: Selection) -> Self {
+        Self { file, decoder: Decoder::new(selection), portion: Vec::new(), from: 0 }
+    }
+
+    /// Decodes bytes of the file, as [`Decoder::advance`] does.
+    fn advance(&mut self, output: &mut [u8]) -> Result<Progress, InputError> {
+        let position = self.decoder.position();
+        let ahead = position.checked_sub(self.from).and_then(|bytes| usize::try_from(bytes).ok());
+        if ahead.is_none_or(|ahead| ahead >= self.portion.len()) {
+            self.portion.clear();
+            self.from = self.file.seek(SeekFrom::Start(position))?;
+            (&mut self.file).take(PORTION_BYTES as u64).read_to_end(&mut self.portion)?;
+        }
+        let ahead = usize::try_from(position - self.from).unwrap_or(usize::MAX);
+        let bytes = self.portion.get(ahead..).unwrap_or_default();
+        self.decoder.advance(bytes, output).map_err(InputError::Binary)
+    }
 }
 
 /// The G-code of a file, as text.
-pub struct GcodeText {
-    file: Vec<u8>,
-    decoder: Decoder,
+pub(super) struct GcodeText<R> {
+    blocks: Blocks<R>,
     /// Counter of the file's bytes.
     place: Rc<Place>,
 }
 
-impl GcodeText {
-    /// Starts with a whole file.
-    pub fn new(file: Vec<u8>, place: Rc<Place>) -> Self {
+impl<R: Read + Seek> GcodeText<R> {
+    /// Starts at a file's first block.
+    pub(super) fn new(file: R, place: Rc<Place>) -> Self {
         place.fetched.set(0);
-        Self { file, decoder: Decoder::new(Selection::GCODE), place }
+        Self { blocks: Blocks::new(file, Selection::GCODE), place }
     }
 }
 
-impl Read for GcodeText {
+impl<R: Read + Seek> Read for GcodeText<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         if buffer.is_empty() {
             return Ok(0);
         }
         loop {
-            let progress = self.decoder.advance(rest(&self.file, &self.decoder), buffer);
-            self.place.fetched.set(self.decoder.position());
-            match progress.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))? {
-                Progress::More => {}
-                Progress::Contents(_, length) => return Ok(length),
-                Progress::End => return Ok(0),
+            let progress = self.blocks.advance(buffer);
+            self.place.fetched.set(self.blocks.decoder.position());
+            match progress {
+                Ok(Progress::More) => {}
+                Ok(Progress::Contents(_, length)) => return Ok(length),
+                Ok(Progress::End) => return Ok(0),
+                Err(InputError::Read(error)) => return Err(error),
+                Err(error) => return Err(io::Error::new(io::ErrorKind::InvalidData, error)),
             }
         }
     }

@@ -2,7 +2,8 @@
 //!
 //! PrusaSlicer, SuperSlicer and Slic3r write `bed_shape` and `max_print_height` at the file's end,
 //! OrcaSlicer and Bambu Studio `printable_area` and `printable_height` at either end; Simplify3D
-//! writes the strokes of its machine at the beginning. Cura says only how far the part reaches.
+//! writes the strokes of its machine at the beginning. ideaMaker writes the sides of its machine as
+//! `Dimension`, and after them the nozzles' diameters. Cura says only how far the part reaches.
 //!
 //! Prusa's family writes the limits of speed as `machine_max_feedrate_x`, OrcaSlicer and Bambu
 //! Studio as `machine_max_speed_x`; all of them write `machine_max_acceleration_x`.
@@ -17,6 +18,10 @@ pub struct SlicedFor {
     height_mm: Option<f64>,
     /// Simplify3D's place of the origin on the bed, X and Y.
     origin_mm: [f64; 2],
+    /// True after ideaMaker's first line: only then are its keys, which are plain words, read.
+    is_ideamaker: bool,
+    /// True if ideaMaker's origin is the middle of the bed, not its corner.
+    is_origin_centred: bool,
     /// Lower and upper end of the printed part, X, Y and Z.
     part_mm: [[Option<f64>; 2]; 3],
     /// The first comment whose value is no travel.
@@ -59,6 +64,7 @@ impl SlicedFor {
 
     /// Takes in one setting.
     pub(super) fn take(&mut self, setting: &str) {
+        self.is_ideamaker |= setting.starts_with("Sliced by ideaMaker");
         let Some(at) = setting.find(['=', ':', ',']) else { return };
         let (key, value) = (setting[..at].trim_end(), setting[at + 1..].trim());
         let is_read = match key {
@@ -69,15 +75,18 @@ impl SlicedFor {
             "strokeZoverride" => take(&mut self.height_mm, travel(value)),
             "originOffsetXoverride" => origin(&mut self.origin_mm[0], value),
             "originOffsetYoverride" => origin(&mut self.origin_mm[1], value),
+            "Dimension" if self.is_ideamaker => self.take_sides(value),
+            "Origin Center" if self.is_ideamaker => {
+                self.is_origin_centred = value == "1";
+                matches!(value, "0" | "1")
+            }
             "MINX" => reach(&mut self.part_mm[0][0], value),
             "MINY" => reach(&mut self.part_mm[1][0], value),
             "MAXX" => reach(&mut self.part_mm[0][1], value),
             "MAXY" => reach(&mut self.part_mm[1][1], value),
             "MAXZ" => reach(&mut self.part_mm[2][1], value),
-            "printer_model" => {
-                self.model.get_or_insert_with(|| value.chars().filter(|each| !each.is_control()).take(60).collect());
-                true
-            }
+            "printer_model" => self.take_model(value),
+            "Printer Type" if self.is_ideamaker => self.take_model(value),
             "machine_limits_usage" => {
                 self.emits_limits |= value == "emit_to_gcode";
                 true
@@ -122,6 +131,24 @@ impl SlicedFor {
         true
     }
 
+    /// The sides of ideaMaker's machine, `305.000 305.000 605.000 0.400`, X, Y, Z and nozzles.
+    fn take_sides(&mut self, sides: &str) -> bool {
+        let mut sides = sides.split_ascii_whitespace().map(travel);
+        let (Some(Some(x)), Some(Some(y)), Some(Some(z))) = (sides.next(), sides.next(), sides.next()) else {
+            return false;
+        };
+        for (own, side) in self.bed_mm.iter_mut().zip([x, y]) {
+            own.get_or_insert([0.0, side]);
+        }
+        self.height_mm.get_or_insert(z);
+        true
+    }
+
+    fn take_model(&mut self, model: &str) -> bool {
+        self.model.get_or_insert_with(|| model.chars().filter(|each| !each.is_control()).take(60).collect());
+        true
+    }
+
     /// The first setting that is no travel.
     pub fn unreadable(&self) -> Option<&str> {
         self.unreadable.as_deref()
@@ -146,8 +173,11 @@ impl SlicedFor {
     /// The travel of the printer instead of another one, mm: lower and upper ends of X, Y and Z. A
     /// bed that is not given is the other's, made larger if the part reaches beyond it.
     pub fn travel_mm(&self, other_mm: [[f64; 2]; 3]) -> [[f64; 2]; 3] {
-        let [bed_x, bed_y] =
-            [0, 1].map(|axis: usize| self.bed_mm[axis].map(|ends| ends.map(|end| end - self.origin_mm[axis])));
+        let [bed_x, bed_y] = [0, 1].map(|axis: usize| {
+            let [lower, upper] = self.bed_mm[axis]?;
+            let origin = if self.is_origin_centred { 0.5 * (lower + upper) } else { self.origin_mm[axis] };
+            Some([lower - origin, upper - origin])
+        });
         let said = [bed_x, bed_y, self.height_mm.map(|height| [other_mm[2][0], height])];
         std::array::from_fn(|axis| {
             said[axis].unwrap_or_else(|| {
@@ -239,6 +269,17 @@ mod tests {
             (";MINX:10.5\n;MINY:-4\n;MAXX:280.2\n;MAXY:40\n;MAXZ:20", [[0.0, 280.2], [-4.0, 200.0], [0.0, 200.0]]),
             (";MINX:2.14748e+06\n;MAXX:-2.14748e+06", OTHER_MM),
             ("G1 X1 ; bed_shape = 0x0,10x10", OTHER_MM),
+            (
+                ";Sliced by ideaMaker 5.4.2.8790, 2026-03-01 10:00:00 UTC+0000\n;Dimension: 305.000 300.000 605.000 0.400 0.400\n\
+                 ;Plate Shape: 0\n;Origin Center: 0\n",
+                [[0.0, 305.0], [0.0, 300.0], [0.0, 605.0]],
+            ),
+            (
+                ";Sliced by ideaMaker 4.1.0\r\n;Dimension: 260 240 350 0.4\r\n;Origin Center: 1\r\n",
+                [[-130.0, 130.0], [-120.0, 120.0], [0.0, 350.0]],
+            ),
+            // The same words of another program.
+            (";Dimension: 20 x 20 x 20\n;Origin Center: yes", OTHER_MM),
         ];
         for (text, travel_mm) in cases {
             let said = of(text);
@@ -262,6 +303,8 @@ mod tests {
         }
         assert_eq!(of("; printer_model = Voron 2.4\n").model(), Some("Voron 2.4"));
         assert_eq!(of("; printer_model = \n").model(), None);
+        let idea = ";Sliced by ideaMaker 5.4.2.8790\n;Printer Type: RAISE3D Pro2 Plus\n";
+        assert_eq!(of(idea).model(), Some("RAISE3D Pro2 Plus"));
     }
 
     #[test]
@@ -277,6 +320,10 @@ mod tests {
             "MAXX:nan",
         ] {
             let said = of(&format!("; {setting}\n"));
+            assert_eq!((said.travel_mm(OTHER_MM), said.unreadable()), (OTHER_MM, Some(setting)));
+        }
+        for setting in ["Dimension: 305 305", "Dimension: 305 305 -1 0.4", "Dimension: wide", "Origin Center: here"] {
+            let said = of(&format!(";Sliced by ideaMaker 5.4.2\n;{setting}\n"));
             assert_eq!((said.travel_mm(OTHER_MM), said.unreadable()), (OTHER_MM, Some(setting)));
         }
     }

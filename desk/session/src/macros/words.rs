@@ -49,7 +49,7 @@ impl<'a> Words<'a> {
     /// The value of a key as a number.
     ///
     /// # Errors
-    /// It is no number.
+    /// It is not a number.
     pub fn number(self, key: &str) -> Result<Option<Decimal>, String> {
         let Some(value) = self.value(key) else { return Ok(None) };
         let number = Decimal::parse(value.as_bytes()).map_err(|_| format!("{key}={value}: expected a number"))?;
@@ -59,7 +59,7 @@ impl<'a> Words<'a> {
     /// The value of a key that is 0 or 1, 0 without it.
     ///
     /// # Errors
-    /// It is no number.
+    /// It is not a number.
     pub fn flag(self, key: &str) -> Result<bool, String> {
         Ok(self.number(key)?.is_some_and(|value| value != Decimal::ZERO))
     }

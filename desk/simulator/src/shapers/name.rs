@@ -53,7 +53,7 @@ impl FromStr for ShaperKind {
             return Ok(kind);
         }
         let Some(numbers) = lower.strip_prefix("mzv(").and_then(|rest| rest.strip_suffix(')')) else {
-            return Err(UnknownShaper(format!("{text:?} is no shaper")));
+            return Err(UnknownShaper(format!("{text:?} is not an input shaper")));
         };
         let parsed = numbers.split_once(',').and_then(|(count, periods)| {
             Some((count.trim().parse::<usize>().ok()?, periods.trim().parse::<f64>().ok()?))

@@ -22,8 +22,8 @@ fn steps<M: Stepping>(board: &Board<M>) -> usize {
     board.ports[0].changes().len() / M::EVENTS_A_STEP as usize
 }
 
-/// No flag is left after a stop, whenever it comes and whatever the flags were, and the next
-/// motion is whole.
+/// Checks that no flag is left after a stop, whenever it comes and whatever the flags were, and
+/// that the next motion is complete.
 fn assert_no_flag_is_left<M: Stepping + 'static>() {
     for updates in 0..30 {
         for sensor in [false, true] {
@@ -48,7 +48,7 @@ fn assert_no_flag_is_left<M: Stepping + 'static>() {
             assert!(!link.is_running() && !link.is_stopping());
             assert!(!link.take_ran_dry(), "after {updates} updates it has run dry");
             assert!(!feeder.start(), "the queue is empty");
-            // Nothing steps before its time, and none too many.
+            // No step comes early, and none is added.
             let before = steps(board);
             start(board, &mut feeder, 7);
             assert_eq!(steps(board), before, "a step at the start, {updates} updates before the stop");
@@ -67,7 +67,7 @@ fn after_a_stop_no_flag_is_left() {
     assert_no_flag_is_left::<Pulses>();
 }
 
-/// A stop that was asked for is never taken for the sensor's, whichever came first.
+/// A stop that was requested is never taken for the sensor's, whichever came first.
 #[test]
 fn a_sensor_does_not_hide_a_stop() {
     let link = StepLink::new();

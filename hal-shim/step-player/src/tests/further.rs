@@ -1,4 +1,4 @@
-//! Two motors on one axis, and one of them alone.
+//! Two motors on one axis, and the second one alone.
 
 use super::model::{Interrupt, SIGNALS, any_stair, pins};
 use crate::*;
@@ -8,7 +8,7 @@ use proptest::prelude::*;
 /// Z's second motor: inverted.
 const SECOND: MotorPins = MotorPins { step: Pin { port: 0, number: 8 }, direction: Pin { port: 0, number: 9 } };
 
-/// Steps that the pins of Z's two motors have made, backwards counted down.
+/// Steps shown by the pins of Z's two motors; backward steps count down.
 fn made<M: Stepping>(board: &Interrupt<M, 1, 512>) -> [i64; 2] {
     let mut made = [0; 2];
     let mut before = 0;
@@ -28,8 +28,8 @@ fn any_entry() -> impl Strategy<Value = StepEntry> {
     prop_oneof![6 => any_stair(168..1_000), 2 => (0u8..16).prop_map(StepEntry::directions)]
 }
 
-/// Both motors make `together`, the second alone `alone`, up to a stop after `updates`, and then
-/// both `together` again.
+/// Runs both motors through `together`, the second alone through `alone` with a stop after
+/// `updates`, and then both through `together` again.
 fn assert_counted<M: Stepping + 'static>(together: &[StepEntry], alone: &[StepEntry], updates: usize) {
     let board = Interrupt::<M, 1, 512>::leaked();
     let both = pins::<1>().with_further(2, SECOND, true).unwrap();

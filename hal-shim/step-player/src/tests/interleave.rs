@@ -1,7 +1,7 @@
 //! Every interleaving of the planner task with the step interrupt.
 //!
-//! The interrupt runs to its end, the task may be interrupted between any two accesses to shared
-//! memory: so a schedule is the list of how many times the interrupt comes at each access. All
+//! The interrupt runs to completion; the task may be interrupted between any two accesses to shared
+//! memory. So a schedule is a list of how many times the interrupt comes at each access. All
 //! schedules of a small ring are tried.
 
 use std::cell::RefCell;
@@ -9,8 +9,8 @@ use std::collections::VecDeque;
 
 use crate::interrupted_access::interrupted;
 
-/// All choices of how often the interrupt comes at each access, up to a number of interrupts in
-/// all: a depth-first walk over the tree of choices.
+/// All choices of how often the interrupt comes at each access, up to a total number of interrupts:
+/// a depth-first walk over the tree of choices.
 #[derive(Default)]
 struct Choices {
     taken: Vec<(u32, u32)>,
@@ -27,7 +27,7 @@ impl Choices {
         choice
     }
 
-    /// The next path; `false` after the last.
+    /// Advances to the next path; `false` after the last.
     fn advance(&mut self) -> bool {
         self.at = 0;
         while let Some((choice, options)) = self.taken.pop() {
@@ -52,8 +52,8 @@ fn every_schedule(most: u32, mut task: impl FnMut(&'static Board, &mut dyn FnMut
     let choices = Rc::new(RefCell::new(Choices::default()));
     let mut schedules = 0;
     loop {
-        // Leaked: a few hundred bytes a schedule, so that the interrupt may outlive the borrow
-        // checker's doubts.
+        // Leaked, a few hundred bytes per schedule: the borrow checker cannot see that the
+        // interrupt does not outlive it.
         let machine = Board::leaked();
         let left = Rc::new(std::cell::Cell::new(most));
         let mut run = |piece: &mut dyn FnMut()| {
@@ -75,7 +75,7 @@ fn every_schedule(most: u32, mut task: impl FnMut(&'static Board, &mut dyn FnMut
     }
 }
 
-/// The steps of the port's log, as masks of pins that changed.
+/// Steps in the port's log, as masks of changed pins.
 fn toggles(machine: &Board) -> Vec<u16> {
     machine.ports[0].changes().into_iter().map(|(_, _, changed)| changed).collect()
 }
@@ -155,7 +155,7 @@ fn a_stop_at_every_moment_knows_what_was_not_played() {
         let dropped = dropped.unwrap();
         let played = machine.ports[0].steps();
         assert_eq!([dropped.signed[0] + played[0], dropped.signed[1] + played[1]], [0, 1]);
-        // And it runs again, from the present levels of the signals.
+        // The interrupt runs again, from the present signal levels.
         let before = machine.ports[0].steps();
         feeder.push(StepEntry::stair(200, 3, 3, 0).unwrap()).unwrap();
         feeder.seal();

@@ -1,4 +1,4 @@
-//! The count of updates against the events played: exactly the updates that the
+//! Comparison of the update count with the events played: it yields exactly the updates that the
 //! interrupt has missed.
 
 use super::model::{Interrupt, SIGNALS};
@@ -24,7 +24,8 @@ fn stair(interval_ticks: u32, count: u16) -> StepEntry {
     StepEntry::stair(interval_ticks, count, 0b1, 0).unwrap()
 }
 
-/// Plays all that was pushed, on time; the largest count of missed updates on the way.
+/// Plays everything that was pushed, on time; returns the largest number of missed updates seen on
+/// the way.
 fn play<M: Stepping>(board: &Board<M>, feeder: &mut StepFeeder<'_, M, 1, 64>) -> u16 {
     let mut most = 0;
     while feeder.waiting() > 0 {
@@ -34,8 +35,8 @@ fn play<M: Stepping>(board: &Board<M>, feeder: &mut StepFeeder<'_, M, 1, 64>) ->
     most
 }
 
-/// No update is missed on time from the start on, whatever the count was before, over several
-/// motions and past the count's end.
+/// Checks that nothing counts as missed while on time, whatever the count was before, over several
+/// motions and past the wrap of the count.
 fn assert_none_missed_on_time<M: Stepping + 'static>() {
     for updates_before in [0, 1, 5, 1_000] {
         let (board, mut feeder) = board::<M>(updates_before);
@@ -60,7 +61,7 @@ fn on_time_nothing_is_missed() {
     assert_none_missed_on_time::<Pulses>();
 }
 
-/// The interrupt is held up for some intervals: the timer keeps one update for it, the others are
+/// Holds the interrupt up for some intervals: the timer keeps one update pending, the others are
 /// missed. No event is lost.
 fn assert_missed_are_counted<M: Stepping + 'static>() {
     for held_up in [1, 2, 7, 40] {
@@ -76,7 +77,7 @@ fn assert_missed_are_counted<M: Stepping + 'static>() {
         }
         assert_eq!(feeder.missed_updates(board.timer.update_count()), held_up);
         board.call();
-        // The one that the timer kept.
+        // One update stayed pending in the timer.
         assert_eq!(feeder.missed_updates(board.timer.update_count()), held_up - 1);
         assert_eq!(play(board, &mut feeder), held_up - 1);
         assert_eq!(board.ports[0].changes().len(), 200 * M::EVENTS_A_STEP as usize);
@@ -89,8 +90,8 @@ fn missed_updates_are_counted_and_lose_no_event() {
     assert_missed_are_counted::<Pulses>();
 }
 
-/// A count lower than that of the events played is not a fault: no timer counts, or the interrupt
-/// came between two looks.
+/// A count below the number of events played is not a fault: no timer counts, or the interrupt came
+/// between the two reads.
 #[test]
 fn a_count_behind_the_events_is_nothing_missed() {
     let (board, mut feeder) = board::<BothEdges>(0);
@@ -109,7 +110,7 @@ fn a_count_behind_the_events_is_nothing_missed() {
     assert_eq!((at(half), at(half + 1)), (MAX_EVENTS / 2, 0));
 }
 
-/// No update is missed once all events were played, though the count continues.
+/// No update counts as missed once all events were played, though the count continues.
 #[test]
 fn after_the_last_event_nothing_is_missed() {
     let (board, mut feeder) = board::<BothEdges>(0);
@@ -123,8 +124,8 @@ fn after_the_last_event_nothing_is_missed() {
     }
 }
 
-/// A second timer that does not count although it is there: the difference shows at half the
-/// count's range, all at once, and far beyond what the planner task tolerates.
+/// A second timer that exists but does not count: the difference shows at half the count's range,
+/// all at once, and far beyond what the planner task tolerates.
 #[test]
 fn a_count_that_stands_still_shows_as_many_missed_updates() {
     let (board, mut feeder) = board::<BothEdges>(0);

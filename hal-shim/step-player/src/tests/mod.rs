@@ -1,5 +1,5 @@
 //! Feeder and player against a model of the timer, and against the virtual board's motors, which
-//! play the same entries the plain way.
+//! play the same entries directly.
 
 mod flags;
 mod further;

@@ -1,4 +1,4 @@
-//! A board of the tests: its pins, and a port that notes its edges.
+//! A test board: its pins, and a port that records its edges.
 
 use std::cell::{Cell, RefCell};
 use std::ops::Range;
@@ -19,7 +19,7 @@ pub fn pins<const PORTS: usize>() -> PinMap<PORTS> {
     PinMap::new(motors).unwrap()
 }
 
-/// Stairs at an interval, with any motors in the last event but at least one.
+/// Stairs at an interval, with at least one motor in the last event.
 pub fn any_stair(ticks: Range<u32>) -> impl Strategy<Value = StepEntry> {
     (ticks, 1u16..70, 1u8..16, 0u8..15).prop_map(|(ticks, count, axes, other)| {
         let added = if other < axes { other } else { other + 1 };
@@ -56,7 +56,7 @@ impl Edges {
         changes
     }
 
-    /// Every level and since when.
+    /// Every level with the time at which it began.
     pub fn levels(&self) -> Vec<(u64, u16)> {
         self.log.borrow().clone()
     }
@@ -88,7 +88,7 @@ impl Edges {
     }
 }
 
-/// A player with all that its interrupt needs.
+/// A player with everything that its interrupt needs.
 pub struct Interrupt<M, const PORTS: usize, const N: usize> {
     pub player: StepPlayer<M, PORTS, N>,
     pub timer: Rc<VirtualUpdateTimer>,
@@ -108,12 +108,12 @@ impl<M: Stepping, const PORTS: usize, const N: usize> Interrupt<M, PORTS, N> {
         StepFeeder::new(&self.player, pins::<PORTS>(), signals)
     }
 
-    /// The interrupt comes, whoever has called it.
+    /// Runs the interrupt, whatever called it.
     pub fn call(&self) {
         self.timer.interrupt(&self.player, &mut self.next.borrow_mut(), &self.ports);
     }
 
-    /// Time passes to the next update, which is served unless the interrupt is masked.
+    /// Advances time to the next update, which is served unless the interrupt is masked.
     pub fn update(&self) {
         self.timer.next_update();
         if self.timer.is_called() {
@@ -130,12 +130,12 @@ impl<M: Stepping, const PORTS: usize, const N: usize> Interrupt<M, PORTS, N> {
         starts
     }
 
-    /// The other interrupt comes.
+    /// Runs the interrupt for start and end.
     pub fn start_or_end(&self) {
         self.player.start_or_end(&mut self.next.borrow_mut(), &*self.timer);
     }
 
-    /// Somebody stops motion.
+    /// Stops motion as another task would.
     pub fn stop(&self) {
         self.timer.mask();
         self.player.link().request_stop();

@@ -1,4 +1,4 @@
-//! A reset at any moment: the ring then reports exactly the events that the pins have shown.
+//! Resets at any moment: the ring then reports exactly the events that the pins have shown.
 
 use ferrostep_planner::{StepEntry, StepLedger};
 use proptest::prelude::*;
@@ -9,12 +9,12 @@ use crate::*;
 
 const RING: usize = 64;
 
-/// A board that plays entries up to some update; and the motors' right positions at the
-/// end of the queue.
+/// A board that has played entries up to some update, and the expected motor positions at the end
+/// of the queue.
 struct Run<M: 'static, const PORTS: usize> {
     board: &'static Interrupt<M, PORTS, RING>,
     ledger: StepLedger,
-    /// Entries that were queued.
+    /// Number of entries queued.
     queued: usize,
 }
 
@@ -45,7 +45,7 @@ impl<M: Stepping + 'static, const PORTS: usize> Run<M, PORTS> {
         feeder
     }
 
-    /// All slots of the past, and the events of them that were played.
+    /// All slots of the past, and the number of their events that were played.
     fn past(&self) -> (Past, Vec<PastSlot>, u64) {
         let past = self.board.player.past();
         let numbers = (0..past.filled.wrapping_sub(past.oldest)).map(|place| past.oldest.wrapping_add(place));
@@ -76,7 +76,7 @@ impl<M: Stepping + 'static, const PORTS: usize> Run<M, PORTS> {
 fn assert_past<M: Stepping + 'static, const PORTS: usize>(entries: &[StepEntry], updates: usize, trusted: bool) {
     let board = Interrupt::<M, PORTS, RING>::leaked();
     let mut run = Run::<M, PORTS> { board, ledger: StepLedger::default(), queued: 0 };
-    // Memory that was no ring is emptied, even if the supply has lasted.
+    // Memory that was not a ring is emptied, even if the supply was not interrupted.
     board.player.restart(true);
     assert!(!board.player.past().is_kept);
     run.go(entries, updates);
@@ -102,7 +102,7 @@ fn assert_past<M: Stepping + 'static, const PORTS: usize>(entries: &[StepEntry],
     assert_eq!(run.past(), (past, slots, run.past().2));
     // The reset has put the pins to low.
     board.ports.iter().for_each(|port| port.put_out(0xffff_0000));
-    // The next motion overwrites it, and is all that is read after it.
+    // The next motion overwrites the record; only that motion is read afterwards.
     let begun = board.timer.now_cycles() / CYCLES_A_TICK + 1;
     let mut again = Run::<M, PORTS> { board, ledger: StepLedger::default(), queued: 0 };
     let stair = [StepEntry::directions(0b0110), StepEntry::stair(400, 20, 0b1111, 0b0100).unwrap()];
@@ -113,7 +113,7 @@ fn assert_past<M: Stepping + 'static, const PORTS: usize>(entries: &[StepEntry],
     let moved = again.assert_replayed(begun);
     assert_eq!(dropped.issued[0] as usize + moved, 20);
     assert!(board.player.past().is_kept);
-    // And a second stop leaves it.
+    // A second stop leaves the record unchanged.
     board.stop();
     assert_eq!(feeder.drop_all().issued, [0; 4]);
     assert_eq!(again.assert_replayed(begun), moved);
@@ -133,7 +133,7 @@ proptest! {
         assert_past::<Pulses, 2>(&entries, updates, trusted);
     }
 
-    /// Slots that no board has.
+    /// Slots that no board produces.
     #[test]
     fn anything_can_be_replayed(
         slots in proptest::collection::vec(

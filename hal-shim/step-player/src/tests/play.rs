@@ -1,4 +1,4 @@
-//! The pins show the entries' steps.
+//! Comparison of the pins with the entries' steps.
 
 use super::model::{CYCLES_A_TICK, Edges, Interrupt, SIGNALS, any_stair};
 use crate::*;
@@ -33,7 +33,7 @@ pub fn any_entry() -> impl Strategy<Value = StepEntry> {
     ]
 }
 
-/// The edges of the step pins of all ports: tick, motors that stepped, their directions.
+/// Edges of the step pins of all ports: tick, motors that stepped, their directions.
 pub fn seen<M: Stepping, const PORTS: usize>(ports: &[Edges; PORTS]) -> Vec<(u64, u8, u8)> {
     let mut times: Vec<u64> = ports.iter().flat_map(Edges::levels).map(|(now, _)| now).collect();
     times.sort_unstable();
@@ -64,7 +64,7 @@ pub fn seen<M: Stepping, const PORTS: usize>(ports: &[Edges; PORTS]) -> Vec<(u64
     events
 }
 
-/// Plays entries on time; the ports' edges, and the tick at which the motion clock started.
+/// Plays entries on time; returns the ports' edges, and the tick at which the motion clock started.
 fn play<M: Stepping + 'static, const PORTS: usize>(
     entries: &[StepEntry],
     signals: Signals,
@@ -84,7 +84,8 @@ fn play<M: Stepping + 'static, const PORTS: usize>(
                 }
             }
         }
-        // The first slot begins with an event without steps: the clock starts with the next update.
+        // The first slot begins with an event without steps, so the clock starts with the next
+        // update.
         if started.is_none() && board.start(&mut feeder) {
             let pulse_ticks = if M::EVENTS_A_STEP == 2 { u64::from(signals.pulse_ticks) } else { 0 };
             started = Some(board.timer.next_at() / CYCLES_A_TICK - pulse_ticks);
@@ -102,7 +103,7 @@ fn assert_played<M: Stepping + 'static, const PORTS: usize>(entries: &[StepEntry
     let (ports, start) = play::<M, PORTS>(entries, signals);
     let seen: Vec<_> =
         seen::<M, PORTS>(ports).into_iter().map(|(tick, axes, directions)| (tick - start, axes, directions)).collect();
-    // The first difference only.
+    // Reports the first difference only.
     if let Some((seen, expected)) = seen.iter().zip(&expected).find(|(seen, expected)| seen != expected) {
         assert_eq!(seen, expected);
     }
@@ -186,7 +187,7 @@ fn a_direction_is_set_up_before_the_step() {
 fn what_cannot_be_played_is_refused_and_changes_nothing() {
     let board = Interrupt::<Pulses, 1, 8>::leaked();
     let mut feeder = board.feeder(Signals { pulse_ticks: 84, direction_setup_ticks: 17 });
-    // Two levels of a pulse are the least.
+    // Two pulse levels are the minimum.
     assert_eq!(feeder.push(StepEntry::stair(167, 1, 1, 0).unwrap()), Err(FeedError::TooNear));
     assert_eq!(feeder.push(StepEntry::wait(1)), Err(FeedError::TooNear));
     assert_eq!((feeder.waiting(), feeder.room()), (0, 1));
@@ -231,7 +232,7 @@ fn a_start_after_a_stop_moves_nothing() {
     let mut feeder = board.feeder(SIGNALS);
     feeder.push(StepEntry::stair(1_000, 20, 0b1, 0).unwrap()).unwrap();
     feeder.push(StepEntry::stair(1_000, 20, 0b1, 0).unwrap()).unwrap();
-    // The producer has looked before the stop came, and starts after it.
+    // The producer looked before the stop came, and starts after it.
     board.stop();
     board.start(&mut feeder);
     assert!(board.timer.is_masked());
@@ -240,7 +241,7 @@ fn a_start_after_a_stop_moves_nothing() {
     }
     assert_eq!(board.ports[0].steps(), [0; 4]);
     assert_eq!(feeder.drop_all().issued, [40, 0, 0, 0]);
-    // The next motion is whole.
+    // The next motion is complete.
     feeder.push(StepEntry::stair(1_000, 20, 0b1, 0).unwrap()).unwrap();
     feeder.seal();
     assert!(board.start(&mut feeder));
@@ -289,7 +290,8 @@ fn a_stair_of_more_events_than_a_slot_holds_is_played_to_its_end() {
     play_long::<Pulses>();
 }
 
-/// Every event is as late as its own interrupt and no more, whatever comes between the interrupts.
+/// Checks that every event is as late as its own interrupt and no later, whatever happens between
+/// the interrupts.
 fn assert_late_by_its_own_latency<M: Stepping + 'static>(entries: &[StepEntry], latencies: &[u64]) {
     let most = latencies.iter().copied().max().unwrap_or_default();
     let (_, expected) = plain(entries);

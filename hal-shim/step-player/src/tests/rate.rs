@@ -1,21 +1,20 @@
-//! Shortest distance of events, with the interrupt's own time, its latency, and
-//! whatever holds it up.
+//! Minimum distance of events, with the interrupt's own run time, its latency, and hold-ups.
 //!
 //! A late reload value repeats a gap, so the intervals here change all the time, and every edge is
-//! held against its plan.
+//! compared with its plan.
 
 use super::model::{CYCLES_A_TICK, Interrupt, SIGNALS};
 use crate::*;
 use ferrostep_planner::StepEntry;
 use ferrostep_planner::{StepLedger, StepObserver};
 
-/// Cycles that may pass between an update and the end of its interrupt.
+/// Maximum number of cycles between an update and the end of its interrupt.
 const MAX_CYCLES: u64 = MIN_GAP_TICKS as u64 * CYCLES_A_TICK;
 
-/// Cycles from the handler's last instruction to the code that it has interrupted.
+/// Cycles from the handler's last instruction to the interrupted code.
 const LEAVE_CYCLES: u64 = 10;
 
-/// A small generator, seeded.
+/// A small seeded generator.
 struct Random(u64);
 
 impl Random {
@@ -38,24 +37,24 @@ impl StepObserver for Due {
 /// Delays of the interrupt.
 #[derive(Clone, Copy)]
 struct Delays {
-    /// Cycles from an update to the interrupt's first instruction, at the most.
+    /// Maximum number of cycles from an update to the interrupt's first instruction.
     most_entry: u64,
     /// Cycles before each of its accesses to the timer; the edge comes before the second, the
     /// reload value after it.
     access: u64,
-    /// Every fiftieth interrupt on average is held up for up to this many cycles.
+    /// Maximum hold-up, cycles; on average every fiftieth interrupt is held up.
     most_held_up: u64,
 }
 
 struct Outcome {
-    /// Delays of the steps after their planned times, cycles, in their order.
+    /// Delays of the steps relative to their planned times, cycles, in order.
     late: Vec<i64>,
-    /// The shortest time between two edges of the signal, cycles.
+    /// Shortest time between two edges of the signal, cycles.
     shortest_level: u64,
     missed: u16,
 }
 
-/// Steps whose intervals change from one to the next.
+/// Steps with intervals that change from one to the next.
 fn changing(random: &mut Random, shortest: u32) -> Vec<StepEntry> {
     let stair = |interval, count| StepEntry::stair(interval, count, 1, 0).unwrap();
     let mut entries = Vec::new();
@@ -112,8 +111,8 @@ fn run<M: Stepping + 'static>(entries: &[StepEntry], signals: Signals, delays: D
     Outcome { late, shortest_level, missed }
 }
 
-/// Every edge is off its plan by no more than the entries' latencies differ, whatever
-/// the intervals do.
+/// Checks that no edge deviates from its plan by more than the latencies of the entries differ,
+/// whatever the intervals are.
 fn assert_on_time<M: Stepping + 'static>(delays: Delays) {
     let entries = changing(&mut Random(1), 2 * MIN_GAP_TICKS);
     let signals = Signals { pulse_ticks: MIN_GAP_TICKS, direction_setup_ticks: MIN_GAP_TICKS };
@@ -143,7 +142,7 @@ fn with_any_latency_up_to_the_bound_every_edge_is_on_time() {
 fn a_reload_value_beyond_the_bound_is_late() {
     let entries = changing(&mut Random(1), 2 * MIN_GAP_TICKS);
     let signals = Signals { pulse_ticks: MIN_GAP_TICKS, direction_setup_ticks: MIN_GAP_TICKS };
-    // The same for every event, so that all edges would be on time if their reload values were.
+    // The same for every event: all edges would be on time if their reload values were.
     let delays = Delays { most_entry: 12, access: MAX_CYCLES / 2, most_held_up: 0 };
     let outcome = run::<Pulses>(&entries, signals, delays);
     let most = outcome.late.iter().map(|late| late.unsigned_abs()).max().unwrap();
@@ -161,9 +160,9 @@ fn one_event_a_gap_is_sustained_at_the_bound() {
     assert!(outcome.late.iter().all(|late| late.unsigned_abs() <= delays.most_entry - 12));
 }
 
-/// The interrupt is held up for up to ten intervals. Every missed update makes all that follows
-/// late by the gap that the timer repeats; no step is lost, and none comes nearer to the one before
-/// than planned but for the latency.
+/// Holds the interrupt up for as many as ten intervals. Every missed update delays all later steps
+/// by the gap that the timer repeats; no step is lost, and apart from latency none comes closer to
+/// the one before than planned.
 #[test]
 fn an_interrupt_that_is_held_up_delays_steps_and_never_hurries_them() {
     let delays = Delays { most_entry: 16, access: 14, most_held_up: 3_000 };

@@ -1,4 +1,4 @@
-//! A stop at any moment.
+//! Stops at any moment.
 
 use super::model::{Edges, Interrupt, SIGNALS, any_stair};
 use crate::*;
@@ -55,7 +55,7 @@ fn assert_stopped<M: Stepping + 'static>(entries: &[StepEntry], updates: usize) 
         port.put_out(word);
     }
     assert_eq!(made(&board.ports), all.motor_steps(), "putting the signals to rest stepped a motor");
-    // And it runs again, in the directions that were asked for last.
+    // The interrupt runs again, in the directions requested last.
     let before = made(&board.ports);
     feeder.push(StepEntry::stair(200, 3, 0b101, 0b010).unwrap()).unwrap();
     feeder.seal();

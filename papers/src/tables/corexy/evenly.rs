@@ -1,22 +1,22 @@
 //! The same lines with motors that turn evenly between their steps.
 //!
-//! A rotor is heavy and does not stand still between two steps of a fast motor. In this view,
-//! each motor's place rises straight from the middle of one of its steps to the middle of the
-//! next. It is the other extreme of judging a line, and the one at which the paper's dual-rate
-//! lines are straight.
+//! A rotor is heavy and does not stand still between two steps of a fast motor. In this view, each
+//! motor's position rises linearly from the middle of one step to the middle of the next. This is
+//! the other extreme of judging a line, and the one in which the paper's dual-rate lines are
+//! straight.
 
 use crate::plane::LineEvent;
 
 /// Distance from the ideal line, pulses.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Distance {
-    /// Largest.
+    /// Largest distance, pulses.
     pub largest: f64,
-    /// Mean over the line's time.
+    /// Mean over the line's duration, pulses.
     pub mean: f64,
 }
 
-/// A motor's places over time: a share of the line's time, and steps.
+/// Positions of a motor over time: shares of the line's duration, and steps.
 struct Turning {
     corners: Vec<(f64, f64)>,
 }
@@ -36,7 +36,7 @@ impl Turning {
         Self { corners }
     }
 
-    /// The place at a time.
+    /// Position at a time.
     fn at(&self, share: f64) -> f64 {
         let after = self.corners.partition_point(|corner| corner.0 < share).clamp(1, self.corners.len() - 1);
         let ((from, start), (to, end)) = (self.corners[after - 1], self.corners[after]);
@@ -44,7 +44,7 @@ impl Turning {
     }
 }
 
-/// The distance of a line of A and B's steps to (x, y) pulses.
+/// Distance from the ideal line to (x, y) pulses of a line made of A and B's steps.
 pub fn distance(x: i64, y: i64, events: &[LineEvent]) -> Distance {
     let [first, second] = [0, 1].map(|motor| Turning::new(events, motor));
     let length = (x as f64).hypot(y as f64);
@@ -58,7 +58,7 @@ pub fn distance(x: i64, y: i64, events: &[LineEvent]) -> Distance {
     for share in events.iter().map(|event| event.share).chain([1.0]) {
         let off = signed(share);
         distance.largest = distance.largest.max(off.abs());
-        // Straight between the corners; where it crosses the line, two triangles.
+        // Straight between the corners; two triangles if it crosses the line.
         let size = before.abs() + off.abs();
         let area = if before * off < 0.0 { (before * before + off * off) / (2.0 * size) } else { size / 2.0 };
         distance.mean += area * (share - since);

@@ -1,36 +1,36 @@
-//! Two ways to follow the nozzle: an extruder with its own step times, and one that steps
-//! with the master.
+//! Two ways to follow the nozzle: an extruder with its own step times, and one that steps with the
+//! master.
 //!
-//! Both are worked out here along a straight chain of moves, by the path alone: the machine's time
-//! law is the same for both.
+//! Both are computed here along a straight chain of moves, by path alone: the machine's time law is
+//! the same for both.
 
 use crate::bresenham::{Classic, Slope, Uncounted};
 
 use crate::tables::chapter::{Cell, Curve, Figure, Style, Table};
 
-/// lambda of layers of 0.2 mm, lines of 0.45 mm, filament of 1.75 mm: 4 h b / (pi D^2).
+/// lambda for layers of 0.2 mm, lines of 0.45 mm, filament of 1.75 mm: 4 h b / (pi D^2).
 const LAMBDA: f64 = 4.0 * 0.2 * 0.45 / (std::f64::consts::PI * 1.75 * 1.75);
 
-/// Profile cartesian.
+/// Steps per mm of the profile cartesian.
 const MASTER_STEPS_PER_MM: f64 = 80.0;
 const EXTRUDER_STEPS_PER_MM: f64 = 95.0;
 
-/// The whole chain, mm.
+/// Length of the whole chain, mm.
 const CHAIN_MM: f64 = 60.0;
 
-/// Extruder steps a mm of path.
+/// Extruder steps per mm of path.
 const STEPS_PER_PATH_MM: f64 = LAMBDA * EXTRUDER_STEPS_PER_MM;
 
-/// Places of the extruder's steps along the chain, mm.
+/// Positions of the extruder's steps along the chain, mm.
 type Steps = Vec<f64>;
 
-/// The machine's own steps: at each half step of lambda s (Wu 2024, eq. 11).
+/// Steps as the machine makes them: at each half step of lambda s (Wu 2024, eq. 11).
 fn by_its_own_times() -> Steps {
     let last = (CHAIN_MM * STEPS_PER_PATH_MM).round() as u32;
     (0..last).map(|step| (f64::from(step) + 0.5) / STEPS_PER_PATH_MM).collect()
 }
 
-/// Steps by Bresenham: with some of the master's steps of each move, from one rounded
+/// Steps by Bresenham: together with some of the master's steps of each move, from one rounded
 /// position to the next.
 fn by_the_master(move_mm: f64) -> Steps {
     let master_steps = (move_mm * MASTER_STEPS_PER_MM).round() as u32;
@@ -59,13 +59,13 @@ fn largest_deviation(steps: &[f64]) -> f64 {
     deviations(steps).fold(0.0, |largest, (_, off)| off.abs().max(largest))
 }
 
-/// The shortest and the longest way between two steps, by the one that lambda asks for.
+/// Shortest and longest path between two steps, relative to the one that lambda requires.
 fn spacing(steps: &[f64]) -> [f64; 2] {
     let ways = || steps.windows(2).map(|pair| (pair[1] - pair[0]) * STEPS_PER_PATH_MM);
     [ways().fold(f64::INFINITY, f64::min), ways().fold(0.0, f64::max)]
 }
 
-/// The two methods, by the length of the moves.
+/// Table of both methods by length of the moves.
 pub fn table() -> Table {
     let own = by_its_own_times();
     let rows = [20.0, 5.0, 2.0, 1.0, 0.5, 0.25].map(|move_mm| {
@@ -97,7 +97,7 @@ pub fn table() -> Table {
     }
 }
 
-/// The two methods, along some moves.
+/// Figure of both methods along some moves.
 pub fn figure() -> Figure {
     let shown_mm = 6.0;
     let curve = |name: &str, steps: &[f64]| Curve {

@@ -40,7 +40,7 @@ fn axes_and_motors_hold_each_other() {
     {
         assert_eq!(kinematics.axes_of_motors(0b0001), axes_of_x);
         assert_eq!(kinematics.axes_of_motors(0b1100), axes_of_z | 0b1000);
-        // All of them are symmetric: if a motor moves an axis, the axis is moved by that motor.
+        // All kinematics are symmetric: if a motor moves an axis, the axis is moved by that motor.
         assert_eq!(kinematics.motors_of_axis(0), axes_of_x);
         assert_eq!(kinematics.shares_motors(0), axes_of_x != 0b001);
         assert!(!Kinematics::CoreXz.shares_motors(1));

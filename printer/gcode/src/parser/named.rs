@@ -428,7 +428,7 @@ const SHAPER_WORDS_OF_Z: &str = "SHAPER_TYPE_Z, SHAPER_FREQ_Z, DAMPING_RATIO_Z";
 #[inline(never)]
 fn input_shaper<'a>(words: &NamedWords<'a>) -> Result<Command<'a>, ParseError> {
     if words.keys().any(|key| is_one_of(SHAPER_WORDS_OF_Z.as_bytes(), key)) {
-        let why = "X and Y have filters, Z has none; leave its words out";
+        let why = "only X and Y have input shapers; leave the words of Z out";
         return Err(ParseError::NotSupported { command: "SET_INPUT_SHAPER of Z", why });
     }
     words.must_be_known()?;

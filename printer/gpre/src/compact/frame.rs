@@ -4,7 +4,7 @@ use super::read::Decoder;
 use crate::checksum::checksum;
 use crate::error::{Fault, ReadError};
 
-/// The bytes with which a frame begins: no text, and no likely number.
+/// Bytes with which a frame begins: not text, and unlikely as a number.
 pub const MARK: [u8; 2] = [0xa7, 0x5d];
 
 /// Bytes before the payload.
@@ -16,13 +16,13 @@ pub const CRC_BYTES: usize = 4;
 /// The longest payload.
 pub const MAX_PAYLOAD_BYTES: usize = 2048 - HEAD_BYTES - CRC_BYTES;
 
-/// The longest frame: what a reader must have room for.
+/// Longest frame: the buffer that a reader needs.
 pub const MAX_FRAME_BYTES: usize = HEAD_BYTES + MAX_PAYLOAD_BYTES + CRC_BYTES;
 
 /// The length of a whole frame by its first [`HEAD_BYTES`].
 ///
 /// # Errors
-/// No frame begins here, or one that is too long.
+/// No frame begins here, or the frame is too long.
 pub fn frame_length(head: &[u8; HEAD_BYTES]) -> Result<usize, Fault> {
     let [mark_0, mark_1, low, high, ..] = *head;
     if [mark_0, mark_1] != MARK {
@@ -45,12 +45,11 @@ pub struct Frame<'a> {
 }
 
 impl<'a> Frame<'a> {
-    /// Takes the bytes of one frame, as many as [`frame_length`] says, which begin at
-    /// `offset` of the file.
+    /// Checks the bytes of one frame, as many as [`frame_length`] gives, which begin at `offset` in
+    /// the file.
     ///
     /// # Errors
-    /// Too few or too many bytes, another number than `expected` (if one is), bits
-    /// that have changed.
+    /// Too few or too many bytes, a number other than `expected` (if given), changed bits.
     pub fn read(bytes: &'a [u8], offset: u64, expected: Option<u32>) -> Result<Self, ReadError> {
         let fail = |fault| ReadError { fault, offset, frame: expected };
         let head = bytes.first_chunk::<HEAD_BYTES>().ok_or(fail(Fault::Truncated))?;
@@ -74,10 +73,10 @@ impl<'a> Frame<'a> {
         Ok(Self { number, payload: before.get(HEAD_BYTES..).unwrap_or(&[]) })
     }
 
-    /// Begins to read its items.
+    /// Starts reading the frame's items.
     ///
     /// # Errors
-    /// Content that has no meaning.
+    /// The content is invalid.
     pub fn items(&self) -> Result<Decoder<'a>, Fault> {
         Decoder::new(self.payload)
     }

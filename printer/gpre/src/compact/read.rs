@@ -15,7 +15,7 @@ const MAX_UNIT: u32 = 1000;
 
 const TOO_FAR: Fault = Fault::Content("coordinates within 5 m");
 
-/// The coordinate this many units further; `None` if it is too large.
+/// Coordinate moved by this many units; `None` if it is too large.
 #[inline(always)]
 fn after(coordinate: Coordinate, steps: i32, unit_10nm: i32) -> Option<Coordinate> {
     coordinate.advanced(steps.checked_mul(unit_10nm)?)
@@ -37,7 +37,7 @@ pub struct FrameState {
     pub can_be_entered: bool,
     /// Machine position, units of 10 nm.
     pub position_10nm: [i64; 3],
-    /// Number of the source line before.
+    /// Number of the previous source line.
     pub line: u32,
     /// Feed, mm/s.
     pub feed_mm_per_s: f32,
@@ -77,7 +77,7 @@ pub struct Decoder<'a> {
     bits: BitReader<'a>,
     start: FrameState,
     left: u32,
-    /// The last move, and so where the machine is, its feed and the source line.
+    /// The last move, which also gives the machine's position, feed and source line.
     last: PreparedMove,
     lambda: f32,
     shape: Shape,
@@ -92,7 +92,7 @@ pub struct Decoder<'a> {
 }
 
 impl<'a> Decoder<'a> {
-    /// Reads how a frame begins.
+    /// Reads the start of a frame.
     pub(super) fn new(payload: &'a [u8]) -> Result<Self, Fault> {
         let mut bits = BitReader::new(payload);
         let can_be_entered = bits.bit()?;
@@ -118,7 +118,7 @@ impl<'a> Decoder<'a> {
             let mut values: LimitValues = [0.0; _];
             for (index, value) in values.iter_mut().enumerate() {
                 *value = if bits.bit()? { f32::from_bits(bits.many(32)? as u32) } else { bits.golomb(10)? as f32 };
-                // A corner's limit may be missing: infinite.
+                // A corner's limit may be absent: infinite.
                 if !(*value > 0.0 && (value.is_finite() || index >= FIRST_CORNER_VALUE)) {
                     return Err(Fault::Content("limits above zero"));
                 }
@@ -185,10 +185,10 @@ impl<'a> Decoder<'a> {
     /// The next item; `None` after the last.
     ///
     /// # Errors
-    /// Content that has no meaning. Drop the decoder after an error.
+    /// The content is invalid. Drop the decoder after an error.
     pub fn next_item(&mut self) -> Result<Option<Item<'_>>, Fault> {
         // The commonest items are recognised by their first four bits: a move of the same shape,
-        // and where its speed comes from.
+        // and the source of its speed.
         let (window, length) = loop {
             if self.left == 0 {
                 if self.bits.left() >= 8 {
@@ -241,7 +241,7 @@ impl<'a> Decoder<'a> {
         self.other()
     }
 
-    /// All but moves: settings, and other items.
+    /// Reads a setting or another item that is not a move.
     fn other(&mut self) -> Result<Uncommon, Fault> {
         match self.bits.few(3)? {
             0 => {
@@ -285,8 +285,8 @@ impl<'a> Decoder<'a> {
         Ok(())
     }
 
-    /// The move whose bits begin here, and with the window, if it is one along X and Y with
-    /// predicted filament and short numbers; `None`, and nothing has changed, if it is not.
+    /// Decodes the move whose bits begin here and with the window, if it is a move along X and Y
+    /// with predicted filament and short numbers. Otherwise returns `None` and changes nothing.
     #[inline(always)]
     fn plain_move(&mut self, mut bits: BitReader<'a>, window: Window) -> Option<()> {
         if !self.shape.is_plain() {
@@ -308,7 +308,7 @@ impl<'a> Decoder<'a> {
         Some(())
     }
 
-    /// Any move.
+    /// Decodes any move.
     #[inline(never)]
     fn any_move(&mut self) -> Result<(), Fault> {
         let shape = self.shape;
@@ -432,8 +432,8 @@ fn spell(bits: &mut BitReader<'_>, kind: u32, text: &mut [u8; MAX_TEXT_BYTES]) -
     Ok(text.length)
 }
 
-/// A text in the making. The longest, of a letter and a number and seven words of ten digits with a
-/// sign, has 107 bytes.
+/// Text under construction. The longest, of a letter and a number and seven words of ten digits
+/// with a sign, has 107 bytes.
 struct Spelling<'a> {
     text: &'a mut [u8; MAX_TEXT_BYTES],
     length: usize,

@@ -36,7 +36,7 @@ pub struct FrameWriter {
 }
 
 impl FrameWriter {
-    /// A writer of a job that begins at a machine position.
+    /// Writer of a job that begins at a machine position.
     pub fn new(position_10nm: [i64; 3], modal: ModalState) -> Self {
         let start = Place { position_10nm, line: 0, feed_mm_per_s: 1.0, fan_power: 0, modal, rest_100pm: 0 };
         Self { waiting: Vec::new(), bits: 0, start, end: start, number: 0 }
@@ -47,7 +47,7 @@ impl FrameWriter {
         self.number
     }
 
-    /// Takes note of changed settings; the position may also have changed (homing).
+    /// Records changed settings; the position may have changed as well (homing).
     pub fn set_modal(&mut self, modal: ModalState, position_10nm: [i64; 3], frames: &mut Vec<u8>) {
         let before = self.end.modal;
         if self.end.position_10nm != position_10nm
@@ -62,7 +62,7 @@ impl FrameWriter {
         }
     }
 
-    /// Takes an item; appends to `frames` what is complete.
+    /// Takes an item; appends completed frames to `frames`.
     pub fn add(&mut self, item: &Item<'_>, frames: &mut Vec<u8>) {
         let follows =
             matches!(item, Item::Move(PreparedMove { entry: EntrySpeed::Continues | EntrySpeed::Falling, .. }));

@@ -4,8 +4,8 @@ use super::frame::{Kind, MAX_DATA_BYTES};
 use super::report::{Report, Word};
 use super::wire::{Taken, Unwrap};
 
-/// Maximum lead of the host over the bytes it knows to have arrived. As frames they fit into
-/// the ring between a port's interrupt and its reader, so that a reader that is late loses nothing.
+/// Maximum lead of the host over the bytes it knows to have arrived. Encoded as frames, they fit
+/// into the ring between a port's interrupt and its reader, so a late reader loses nothing.
 const WINDOW_BYTES: u32 = 1024;
 
 /// The effect of a byte.
@@ -15,7 +15,7 @@ pub enum Event {
     Other,
     /// The byte belongs to a frame that is not complete yet.
     Nothing,
-    /// Number of bytes that are new at the start of the room.
+    /// Number of new bytes at the start of the room.
     Bytes(usize),
     /// The host should be answered; no byte is new.
     Answer,
@@ -23,7 +23,7 @@ pub enum Event {
     Aborted,
 }
 
-/// Takes a file's frames.
+/// Receives a file's frames.
 ///
 /// ```
 /// use ferrostep_gpre::transfer::{Event, Kind, Receiver, to_wire};
@@ -45,7 +45,7 @@ pub struct Receiver {
 }
 
 impl Receiver {
-    /// A receiver of a file of this length, before its first byte.
+    /// Receiver of a file of this length, before its first byte.
     pub fn new(size: u32) -> Self {
         Self { unwrap: Unwrap::new(), size, next: 0, asked: false }
     }
@@ -65,13 +65,13 @@ impl Receiver {
         self.unwrap.is_in_frame()
     }
 
-    /// Forgets a started frame, because the line has been interrupted.
+    /// Discards a started frame, because the line was interrupted.
     pub fn interrupt(&mut self) {
         self.unwrap.reset();
     }
 
-    /// Takes a byte. The room is where the file's next bytes belong; it may be written to before a
-    /// frame is known to be right.
+    /// Takes a byte. `room` is where the file's next bytes belong; it may be written to before a
+    /// frame is known to be valid.
     pub fn take(&mut self, byte: u8, room: &mut [u8]) -> Event {
         let arrived = match self.unwrap.take(byte, room) {
             Taken::Other => return Event::Other,
@@ -82,8 +82,8 @@ impl Receiver {
         match arrived.kind {
             Kind::Abort => Event::Aborted,
             Kind::Question => {
-                // Every question is answered; the answer makes a host begin again that
-                // believes to be farther.
+                // Every question is answered; the answer makes a host go back that believes it is
+                // further ahead.
                 self.asked = arrived.place > self.next;
                 Event::Answer
             }
@@ -96,14 +96,14 @@ impl Receiver {
                 self.next += arrived.length as u32;
                 Event::Bytes(arrived.length)
             }
-            // One that has come before: its answer was lost.
+            // A repeated frame: the answer to the first was lost.
             Kind::Data if arrived.place < self.next => Event::Answer,
             Kind::Data => self.ask(),
         }
     }
 
-    /// Reports once that something is missing: what the host has sent meanwhile must not make it
-    /// begin again and again.
+    /// Reports a missing byte once: frames sent in the meantime must not make the host go back
+    /// again and again.
     fn ask(&mut self) -> Event {
         if core::mem::replace(&mut self.asked, true) { Event::Nothing } else { Event::Answer }
     }
@@ -115,7 +115,7 @@ impl Receiver {
         Report { word: if self.asked { Word::Again } else { Word::Have }, numbers: [self.next, limit] }
     }
 
-    /// True if a host that knows `limit` should hear that there is more room by now.
+    /// True if a host that knows `limit` should learn that there is more room by now.
     pub fn has_opened(&self, limit: u32, room: usize) -> bool {
         let now = self.report(room).numbers[1];
         limit < self.size && now > limit && (now == self.size || now - limit >= MAX_DATA_BYTES as u32)

@@ -8,9 +8,9 @@ use crate::checksum::CRC;
 /// Subject of a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Word {
-    /// `have`: all bytes before the first number have come, those before the second may be sent.
+    /// `have`: all bytes before the first number have arrived, those before the second may be sent.
     Have,
-    /// `again`: the same, and the byte of the first number is missing: the host begins there.
+    /// `again`: as `have`, and the byte of the first number is missing: the host resumes there.
     Again,
     /// `done`: the job has been executed, to a standstill. The numbers are its
     /// bytes and its frames.
@@ -83,7 +83,7 @@ impl fmt::Display for Report {
     }
 }
 
-/// Passes text on and sums it up.
+/// Passes text on and adds it to the checksum.
 struct Summed<'a, 'b> {
     out: &'a mut fmt::Formatter<'b>,
     digest: crc::Digest<'static, u32, crc::Table<1>>,

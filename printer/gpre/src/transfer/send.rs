@@ -1,4 +1,4 @@
-//! The host's end: a file to frames, again where the board asks for them.
+//! The host's end: splits a file into frames, and repeats those that the board asks for.
 
 use std::vec::Vec;
 
@@ -8,20 +8,20 @@ use super::wire::to_wire;
 use crate::error::ReadError;
 use crate::header::Header;
 
-/// Bytes of data in a frame. Long enough that a frame costs a tenth at most, short enough that one
-/// lost is not many.
+/// Bytes of data in a frame: enough that framing costs a tenth at most, few enough that a lost
+/// frame costs little.
 const DATA_BYTES: usize = 128;
 
 const _: () = assert!(DATA_BYTES <= MAX_DATA_BYTES);
 
-/// Sends a job. It says what to send and hears what the board answers; the caller moves the bytes
+/// Sends a job: makes the frames to send and takes the board's answers; the caller moves the bytes
 /// and keeps the time.
 ///
-/// A caller that has sent everything, and gets no answer for a while, sends [`Sender::question`].
+/// A caller that has sent everything and gets no answer for a while sends [`Sender::question`].
 #[derive(Clone, Debug)]
 pub struct Sender {
     job: Vec<u8>,
-    /// The board has everything before it.
+    /// The board has everything before this byte.
     arrived: usize,
     /// The next byte to send.
     next: usize,
@@ -29,14 +29,14 @@ pub struct Sender {
     limit: usize,
     /// Requests by the board to repeat something.
     repeats: u32,
-    /// The board has said that it receives.
+    /// The board has reported that it is receiving.
     begun: bool,
     end: Option<Report>,
     frame_bytes: usize,
 }
 
 impl Sender {
-    /// Sends these bytes, after the command of [`Self::command`].
+    /// Sender of these bytes, which follow the command of [`Self::command`].
     pub fn new(job: Vec<u8>) -> Self {
         Self { job, arrived: 0, next: 0, limit: 0, repeats: 0, begun: false, end: None, frame_bytes: DATA_BYTES }
     }
@@ -78,7 +78,7 @@ impl Sender {
         self.next > self.arrived
     }
 
-    /// Report of its end; `None` before that.
+    /// Final report; `None` before the transfer ends.
     pub fn end(&self) -> Option<Report> {
         self.end
     }
@@ -89,7 +89,7 @@ impl Sender {
             return None;
         }
         let end = self.limit.min(self.next + self.frame_bytes);
-        // Keeps many small frames from taking the room.
+        // Waits for more room rather than filling it with many small frames.
         if end < self.next + self.frame_bytes && end < self.job.len() && self.awaits_answer() {
             return None;
         }
@@ -108,8 +108,8 @@ impl Sender {
         to_wire(Kind::Abort, 0, &[])
     }
 
-    /// Hears a line from the board; `true` where it is a report. Reports that come late, or out of
-    /// order, do no harm.
+    /// Takes a line from the board; returns `true` if it is a report. Late or out-of-order reports
+    /// do no harm.
     pub fn hear(&mut self, line: &str) -> bool {
         let Some(report) = Report::parse(line) else { return false };
         let [first, second] = report.numbers.map(|number| number as usize);
@@ -134,10 +134,10 @@ impl Sender {
     }
 }
 
-/// The job without the slicer's picture, which a board has no use for.
+/// The job without the slicer's thumbnail, which a board cannot use.
 ///
 /// # Errors
-/// It does not begin as a prepared job does.
+/// The bytes do not begin as a prepared job does.
 pub fn without_thumbnail(job: Vec<u8>) -> Result<Vec<u8>, ReadError> {
     let header = Header::read(&job)?;
     if header.thumbnail.is_none() {

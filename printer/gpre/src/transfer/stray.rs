@@ -1,34 +1,34 @@
-//! Frames that come while no job is received.
+//! Frames that arrive while no job is being received.
 
 use super::FLAG;
 
-/// Separates frames from text while no job is received: the frames of a host that has not heard how
-/// its job ended, whose bytes are not lines.
+/// Separates frames from text while no job is being received. Such frames, whose bytes are not
+/// lines, come from a host that has not heard how its job ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StrayFrames {
     mid_line: bool,
     in_frame: bool,
 }
 
-/// Kind of a host's next bytes.
+/// Kind of the host's next bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stretch {
     /// Text, up to the end of its line at most.
     Text,
-    /// A part of a frame. The receiver of its end answers with the last [`super::Report`].
+    /// Part of a frame. When the frame ends, the receiver answers with the last [`super::Report`].
     Frame {
-        /// The frame ends with it.
+        /// This part ends the frame.
         ends: bool,
     },
 }
 
 impl StrayFrames {
-    /// New at the start of a line.
+    /// Separator at the start of a line.
     pub const fn new() -> Self {
         Self { mid_line: false, in_frame: false }
     }
 
-    /// Number of these bytes that belong together, and their kind.
+    /// Number of leading bytes that belong together, and their kind.
     pub fn next(&mut self, bytes: &[u8]) -> (usize, Stretch) {
         let line_end = bytes.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
         let length = line_end.map_or(bytes.len(), |end| end + 1);
@@ -37,7 +37,7 @@ impl StrayFrames {
         (length, if is_frame { Stretch::Frame { ends: line_end.is_some() } } else { Stretch::Text })
     }
 
-    /// Takes note that a job has ended, perhaps in the middle of a frame.
+    /// Notes that a job has ended, perhaps in the middle of a frame.
     pub fn job_ended(&mut self, in_frame: bool) {
         *self = Self { mid_line: in_frame, in_frame };
     }
@@ -53,12 +53,12 @@ impl Default for StrayFrames {
 mod tests {
     use super::*;
 
-    /// However the bytes are divided, the same of them are frames.
+    /// However the bytes are divided, the same ones are frames.
     #[test]
     fn frames_are_told_from_text() {
         let bytes = b"G1 X~1\n~abc\nM105\r~~\n\n~x";
         let expected = b"ttttttttFFFFFtttttFFFtFF".map(|kind| kind == b'F');
-        // The first line is text to its end though it has a flag in it.
+        // The first line is text to its end, although it contains a flag.
         assert_eq!(bytes.len(), expected.len() - 1);
         for portion in 1..=bytes.len() {
             let (mut watch, mut kinds, mut ends) = (StrayFrames::new(), Vec::new(), 0);

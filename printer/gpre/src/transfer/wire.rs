@@ -3,23 +3,23 @@
 use super::frame::{CRC_BYTES, ESCAPE, FLAG, HEAD_BYTES, Kind};
 use crate::checksum::CRC;
 
-/// A frame that has come whole.
+/// A frame that has arrived whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Arrived {
     pub(super) kind: Kind,
     pub(super) place: u32,
-    /// Bytes of data; as many of them as there was room for are in the room.
+    /// Length of the data in bytes; the buffer holds as many of them as fit.
     pub(super) length: usize,
 }
 
-/// The meaning of a byte.
+/// Meaning of a byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Taken {
     /// Part of a frame.
     Frame,
-    /// The end of a whole one.
+    /// End of a whole frame.
     Whole(Arrived),
-    /// The end of a frame that is malformed, or was changed in transit.
+    /// End of a frame that is malformed or was changed in transit.
     Broken,
     /// The byte is not part of a frame.
     Other,
@@ -30,7 +30,7 @@ pub(super) struct Unwrap {
     in_frame: bool,
     escaped: bool,
     head: [u8; HEAD_BYTES],
-    /// The last bytes, newest lowest.
+    /// The last bytes, the newest in the lowest place.
     last: u32,
     /// Bytes since the flag.
     count: usize,
@@ -47,12 +47,12 @@ impl Unwrap {
         self.in_frame
     }
 
-    /// Forgets what there is of a frame.
+    /// Discards any partial frame.
     pub(super) fn reset(&mut self) {
         *self = Self::new();
     }
 
-    /// Takes a byte. Data goes to `room` as it comes, checked or not.
+    /// Takes a byte. Data goes to `room` as it arrives, before the frame's checksum is checked.
     pub(super) fn take(&mut self, byte: u8, room: &mut [u8]) -> Taken {
         if byte == FLAG {
             self.reset();
@@ -111,7 +111,7 @@ impl Unwrap {
     }
 }
 
-/// A frame as it is sent. Of data, at most [`super::MAX_DATA_BYTES`] are taken.
+/// Frame as sent on the wire. At most [`super::MAX_DATA_BYTES`] of the data are taken.
 #[cfg(feature = "write")]
 pub fn to_wire(kind: Kind, place: u32, data: &[u8]) -> std::vec::Vec<u8> {
     let data = data.get(..super::frame::MAX_DATA_BYTES).unwrap_or(data);

@@ -6,13 +6,13 @@ use super::bits::Bits;
 use super::{COUNTS, ENDS_MOVE, FILAMENT, Read, SAME_LINE, Start, WAY, moves, read, refused};
 use crate::framed::framed;
 
-/// Adds a move of this shape; its entry's bits and its numbers are to follow.
+/// Adds a move of this shape; the bits of its entry speed and its numbers must follow.
 fn shaped(bits: &mut Bits, shape: u64) {
     bits.put(0b10, 2);
     bits.put(shape, 7);
 }
 
-/// Adds a move of the same shape as the previous one, as fast as it may.
+/// Adds a move of the same shape as the previous one, as fast as allowed.
 fn plain(bits: &mut Bits) {
     bits.put(0b00, 2);
 }
@@ -23,8 +23,8 @@ fn other(bits: &mut Bits, kind: u64) {
     bits.put(kind, 3);
 }
 
-/// Shapes: X and Y, X Y and Z, Z, no way; no filament, its difference from the
-/// prediction, all of it.
+/// Shapes: X and Y, X Y and Z, Z, no path; no filament, its difference from the prediction, all of
+/// it.
 const XY: u64 = 0 << WAY;
 const XYZ: u64 = 1 << WAY;
 const Z: u64 = 2 << WAY;
@@ -88,7 +88,7 @@ fn moves_of_all_shapes_are_read() {
     assert!(read.iter().all(|item| item.feed_mm_per_s == 40.0));
 }
 
-/// 3, 4 and 12 steps are 13 steps of way.
+/// 3, 4 and 12 steps make a path of 13 steps.
 #[test]
 fn filament_is_predicted_along_the_way() {
     let frame = Start::default().with(4, |bits| {
@@ -107,7 +107,7 @@ fn filament_is_predicted_along_the_way() {
     assert_eq!(moves(&frame).iter().map(|item| item.filament_100pm).collect::<Vec<_>>(), [130, 310, 70]);
 }
 
-/// Feeds and lambdas by their place: 8 of them, taken in turn.
+/// Feeds and lambdas by their place: eight of them, taken in turn.
 #[test]
 fn what_was_told_before_is_told_by_its_place() {
     let frame = Start::default().with(9 + 2 + 2, |bits| {
@@ -173,7 +173,8 @@ fn a_move_beyond_five_metres_is_refused() {
                 let reached = moves(&steps_are(direction, shape))[0].target_10nm()[axis];
                 assert_eq!(i64::from(reached), 500_000_000 * direction);
                 assert_eq!(refused(&steps_are(2 * direction, shape)), (0, TOO_FAR));
-                // Steps whose way has more than 32 bits, cut to them, would be a short way.
+                // Steps whose path has more than 32 bits would give a short path if it were cut to
+                // them.
                 assert_eq!(refused(&steps_are(42_949_673 * direction, shape)), (0, TOO_FAR));
             }
             // The usual move, by another reader.
@@ -213,8 +214,8 @@ fn filament_that_has_no_number_is_refused() {
     assert_eq!(refused(&frame), (0, Fault::Content("a filament of a kind from 0 to 2")));
 }
 
-/// A prediction beyond 32 bits is cut to them, as the writer has it; the difference
-/// is added in more.
+/// A prediction beyond 32 bits ends at the largest value, as in the writer; the difference is added
+/// in a wider type.
 #[test]
 fn a_prediction_ends_at_its_largest() {
     for (shape, ways) in [(XY, &[3_i64, 4][..]), (XYZ, &[3, 4, 0])] {
@@ -236,7 +237,7 @@ fn a_prediction_ends_at_its_largest() {
 fn line_numbers_have_32_bits() {
     const LINES: Fault = Fault::Content("line numbers of 32 bits");
     let start = Start { line: (1 << 32) - 2, ..Start::default() };
-    // The moves of both readers, and lines that are left out, before each kind of item.
+    // Moves for both readers, and omitted lines, before each kind of item.
     let nothing = |bits: &mut Bits| {
         shaped(bits, NO_WAY | NO_FILAMENT);
         bits.put(0, 1);
@@ -280,7 +281,7 @@ fn an_item_of_an_unknown_kind_is_refused() {
     assert_eq!(refused(&frame), (0, Fault::Content("an item of a kind from 0 to 6")));
 }
 
-/// A command on the line before, whose bits are put by `put`.
+/// A command on the previous line; `put` writes its bits.
 fn command(put: impl FnOnce(&mut Bits)) -> Vec<u8> {
     Start::default().with(1, |bits| {
         other(bits, 6);
@@ -384,7 +385,7 @@ fn a_command_is_repeated_by_its_place() {
     let last: Vec<_> =
         [(8, "G9"), (9, "G2"), (10, "G8")].map(|(line, text)| Read::Command(line, text.to_owned())).into();
     assert_eq!(items[9..], last);
-    // No value yet, and none at that place.
+    // No command has been encoded yet, then none at that place.
     assert_eq!(refused(&Start::default().with(1, |bits| again(bits, 0))), (0, BEFORE));
     let frame = Start::default().with(2, |bits| {
         told(bits, 1);
@@ -393,7 +394,7 @@ fn a_command_is_repeated_by_its_place() {
     assert_eq!(refused(&frame), (1, BEFORE));
 }
 
-/// Items that the bits do not hold, and bits that no item holds.
+/// Items whose bits are missing, and bits that belong to no item.
 #[test]
 fn a_frame_ends_with_its_last_item() {
     const OVER: Fault = Fault::Content("the end of the frame after its last item");
@@ -443,8 +444,8 @@ fn a_frame_ends_with_its_last_item() {
     assert!(count < 100 && matches!(fault, Fault::Content(_)), "{count}: {fault}");
 }
 
-/// However many bits of the last byte the items need: the rest of it is padding, and a whole byte
-/// is one too many.
+/// The items may need any number of bits of the last byte: the rest is padding, and a whole byte
+/// more is rejected.
 #[test]
 fn less_than_a_byte_may_be_left() {
     let mut rests = [false; 8];
@@ -453,7 +454,7 @@ fn less_than_a_byte_may_be_left() {
         let mut bits = Start::default().bits(items);
         for index in 0..items {
             shaped(&mut bits, NO_WAY | NO_FILAMENT);
-            // An entry of one bit, or of two.
+            // An entry speed of two bits, or of one.
             if index < short { bits.put(0b10, 2) } else { bits.put(0, 1) }
         }
         rests[bits.length() % 8] = true;

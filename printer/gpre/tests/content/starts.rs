@@ -6,7 +6,7 @@ use ferrostep_gpre::{Fault, LimitValues, ModalState};
 use super::{Limit, Start, refused};
 use crate::framed::framed;
 
-/// Start state of a frame without items, or the reason why it is refused.
+/// Start state of a frame without items, or the fault for which it is rejected.
 fn start(start: &Start) -> Result<FrameState, Fault> {
     let bytes = start.with(0, |_| ());
     let frame = Frame::read(&bytes, 0, None).unwrap();
@@ -60,7 +60,7 @@ fn a_place_beyond_five_metres_is_refused() {
                 outcome => assert_eq!(outcome, content("coordinates within 5 m"), "{place}"),
             }
         }
-        // Includes one of more than 32 bits: its lower half alone would be a place.
+        // Includes a value of more than 32 bits: its lower half alone would be a valid position.
         let mut given = Start::default();
         given.position[axis] = (1 << 32) + 5;
         assert_eq!(start(&given), content("coordinates within 5 m"));
@@ -100,7 +100,7 @@ fn a_limit_that_is_none_is_refused() {
             let mut limits = vec![Limit::Whole(1); LIMITS];
             limits[index] = limit;
             let given = Start { limits: Some(limits), ..Start::default() };
-            // The last four, of corners, may be missing.
+            // The last four limits, those of corners, may be infinite.
             if index >= LIMITS - 4 && matches!(limit, Limit::Float(f32::INFINITY)) {
                 assert!(start(&given).is_ok());
                 continue;
@@ -122,7 +122,7 @@ fn units_are_from_1_to_1000() {
     }
 }
 
-/// Every prefix of a start is refused, and the bits of one that is whole are all needed.
+/// Every prefix of a start is rejected: a whole start needs all its bits.
 #[test]
 fn a_frame_that_ends_within_its_start_is_refused() {
     let limits = Some(vec![Limit::Float(1.0); LIMITS]);

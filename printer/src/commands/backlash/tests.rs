@@ -1,4 +1,4 @@
-//! M425 at its command.
+//! The M425 command.
 
 use ferrostep_planner::Kinematics;
 use ferrostep_planner::backlash::Backlash;
@@ -30,7 +30,7 @@ fn words_change_what_they_name() {
     let mut printer = rig.printer();
     execute(&mut printer, "M425 Y0.08 F0.5").unwrap();
     assert_eq!(play(&printer), Backlash { play_mm: [0.1, 0.08, 0.02], correction: 0.5, ..BACKLASH });
-    // Lengths are inches where others are.
+    // Lengths are in inches wherever others are.
     execute(&mut printer, "G20").unwrap();
     execute(&mut printer, "M425 X0.01 S0.2").unwrap();
     let Backlash { play_mm: [x, ..], smoothing_mm, .. } = play(&printer);
@@ -60,7 +60,7 @@ fn numbers_out_of_range_change_nothing() {
 fn motors_that_move_two_axes_have_no_play_of_one() {
     let rig = rig(Kinematics::CoreXy);
     let mut printer = rig.printer();
-    // The profile's own, which its reader would have refused.
+    // The profile's own value, which its reader would have refused.
     assert!(refusal(&mut printer, "M425 Z0.03").starts_with("X: its motors also move another axis"));
     execute(&mut printer, "M425 X0 Z0.03").unwrap();
     assert_eq!(play(&printer).play_mm, [0.0, 0.0, 0.03]);

@@ -1,10 +1,10 @@
-//! G34, Z_TILT_ADJUST and QUAD_GANTRY_LEVEL: the motors that lift Z are brought to one
-//! height above the bed.
+//! G34, Z_TILT_ADJUST and QUAD_GANTRY_LEVEL: bring the motors that lift Z to one height above the
+//! bed.
 //!
-//! The probe measures the bed at the profile's points. The surface that the motors can make, and
-//! that is nearest to the heights, gives the bed's height at each motor ([`ZAlignment::weights`]):
-//! each one moves away from the bed by that, less the move of the lowest. The idea is that of
-//! Klipper's `z_tilt` and `quad_gantry_level`, and of Marlin's G34.
+//! The probe measures the bed at the profile's points. Of the surfaces that the motors can produce,
+//! the one nearest to the heights gives the bed's height at each motor ([`ZAlignment::weights`]):
+//! each motor moves away from the bed by that height, minus the move of the lowest. The idea is
+//! that of Klipper's `z_tilt` and `quad_gantry_level`, and of Marlin's G34.
 
 use ferrostep_gcode::{Decimal, Real};
 use ferrostep_tmc2209::motor_name;
@@ -19,10 +19,10 @@ use crate::settings::bounds::within;
 use crate::settings::profile::homing::MeshSettings;
 use crate::settings::profile::z_motors::{ZAlignment, ZMotors};
 
-/// Motors, at most.
+/// Maximum number of motors.
 const MOTORS: usize = ZMotors::FURTHER + 1;
 
-/// Mask of all of them.
+/// Mask of all motors.
 const ALL: u8 = (1 << MOTORS) - 1;
 
 /// Marlin's ranges and defaults of I, T and A (Z_STEPPER_ALIGN_ITERATIONS, _ACC, _AMP), T
@@ -31,13 +31,13 @@ const ROUNDS: [u8; 3] = [1, 30, 5];
 const ACCURACY_10NM: [i64; 3] = [1_000, 100_000, 2_000];
 const AMPLIFICATION: [f64; 3] = [0.5, 2.0, 1.0];
 
-/// Errors of G34. The lines before have reported the differences.
+/// Errors of G34. Earlier lines have reported the differences.
 const GROWS: &str = "the points differ by no less than before the motors of Z were moved: is each plugged in where the profile says \
                      (z_motors.motors), and does none run the other way round?";
 const ENDS: &str = "the points still differ by more than T: send G34 again, with a larger I or T";
 const TOO_FAR: &str = "the motors of Z are farther apart than z_motors.max_correction_mm: bring them nearer by hand";
 
-/// Aim of a G34.
+/// Goal of a G34.
 #[derive(Clone, Copy, Debug)]
 struct Goal {
     rounds: u8,
@@ -45,24 +45,23 @@ struct Goal {
     amplification: f32,
 }
 
-/// Moves of the motors of Z, units of 10 nm.
+/// Moves of the Z motors, units of 10 nm.
 #[derive(Clone, Copy, Debug)]
 struct Raises {
-    /// Height of the bed where it is lowest, at a motor.
+    /// Height of the bed at the motor where it is lowest.
     least_10nm: i32,
-    /// Move of each motor away from the bed; at least one is 0, and so is that of a motor
-    /// that is not there.
+    /// Move of each motor away from the bed; at least one is 0, and so are those of absent motors.
     by_10nm: [i32; MOTORS],
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Returns true if the motors that lift Z are aligned.
+    /// Returns true if the machine can align the motors that lift Z.
     pub fn aligns_z(&self) -> bool {
         <P::Motion as Motion>::ZMotors::PRESENT && self.profile.aligns_z()
     }
 
-    /// G34. Afterwards Z is where the probe has found the bed at the place of homing, and follows
-    /// no mesh: the points of the mesh stay.
+    /// Executes G34. Afterwards Z is where the probe found the bed at the homing place, and follows
+    /// no mesh if a motor has moved; the mesh keeps its points.
     pub(super) async fn align_z(
         &mut self,
         rounds: Option<u8>,
@@ -85,15 +84,15 @@ impl<P: Ports> Printer<'_, P> {
             }
             Ok(true) => self.interpreter.modal.homed[Z] = true,
             Ok(false) => {}
-            // The place of the bed is also that of motors at other heights.
+            // The bed's height that homing found may be that of motors at other heights.
             Err(_) if !self.interpreter.modal.homed[Z] => self.interpreter.forget_home(1 << Z),
             Err(_) => {}
         }
         outcome.map(|_| ())
     }
 
-    /// Probes, and moves the motors, until the points agree; then probes where Z homes. `false` if
-    /// no motor had to be moved.
+    /// Probes and moves the motors until the points agree, then probes where Z homes. Returns
+    /// `false` if no motor had to move.
     async fn align_to(
         &mut self,
         goal: &Goal,
@@ -101,7 +100,7 @@ impl<P: Ports> Printer<'_, P> {
         settings: &MeshSettings,
     ) -> Result<bool, CommandError> {
         let mut places_10nm = alignment.points_10nm;
-        // The distance between the ends of the bed is not known yet.
+        // The height difference between the ends of the bed is not known yet.
         let mut clearance_10nm = alignment.max_correction_10nm;
         let mut round = 0;
         let mut agree = false;
@@ -153,8 +152,8 @@ impl<P: Ports> Printer<'_, P> {
         Some([x_10nm + offset_x_10nm, y_10nm + offset_y_10nm])
     }
 
-    /// Lowers the motors' position by `by_10nm`, because the bed is that much higher; the place
-    /// where the probe triggers stays.
+    /// Lowers the motors' position by `by_10nm`, because the bed is that much higher; the probe's
+    /// trigger position stays.
     fn lower_z(&mut self, by_10nm: i64) {
         let home_10nm = self.home_height_10nm();
         let [x_10nm, y_10nm, z_10nm] = self.motion.position_10nm();
@@ -189,7 +188,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(Goal { rounds, accuracy_10nm, amplification: value as f32 })
     }
 
-    /// Works out the move of each motor, and reports it.
+    /// Computes the move of each motor, and reports it.
     #[inline(never)]
     fn raises(
         &self,
@@ -220,8 +219,9 @@ impl<P: Ports> Printer<'_, P> {
         Ok(raises)
     }
 
-    /// Moves each motor away from the bed: all together that have still to move, so that the bed or
-    /// the gantry never tilts more than before. Then Z is where the points say that it is.
+    /// Moves each motor away from the bed, together with all others that still have to move, so
+    /// that the bed or the gantry never tilts more than before. Afterwards Z is where the points
+    /// say that it is.
     async fn raise_motors(&mut self, raises: &Raises) -> Result<(), CommandError> {
         self.interpreter.modal.homed[Z] = false;
         let mut outcome = Ok(());
@@ -241,7 +241,7 @@ impl<P: Ports> Printer<'_, P> {
         }
         self.motion.step_z_motors(ALL);
         outcome?;
-        // The whole bed is where its lowest place was, seen from the motors' earlier position.
+        // Seen from the motors' earlier position, the whole bed is now where its lowest place was.
         self.lower_z((raises.least_10nm + done_10nm).into());
         Ok(())
     }

@@ -9,14 +9,14 @@ use crate::printer::Printer;
 use crate::settings::bounds::within;
 use crate::settings::profile::homing::MeshSettings;
 
-/// The narrowest part that is measured, units of 10 nm: 1 mm.
+/// Narrowest part that can be measured, units of 10 nm: 1 mm.
 const MIN_SIZE_10NM: i64 = 100_000;
 
-/// The fewest points along a part of the bed: with three its bend is seen.
+/// Minimum number of points along a part of the bed: three show its bend.
 const MIN_POINTS: u8 = 3;
 
 impl<P: Ports> Printer<'_, P> {
-    /// The G-code's coordinates less those of the bed, which are the axes' of T0.
+    /// The G-code's coordinates minus those of the bed, which are the axes' of T0.
     pub(super) fn bed_offset_10nm(&self) -> [i64; 2] {
         let ([x, y, _], [of_x, of_y, _]) = (self.interpreter.modal.offset_10nm, self.tool_offset_10nm());
         [x - of_x, y - of_y]
@@ -30,7 +30,8 @@ impl<P: Ports> Printer<'_, P> {
         [bed_from.max(lower + offset_10nm), bed_to.min(upper + offset_10nm)]
     }
 
-    /// The points for a part of the bed: the one given, else that of M555, else the profile's.
+    /// The points for a part of the bed: for the given one, otherwise that of M555, otherwise the
+    /// profile's.
     #[inline(never)]
     pub(super) fn grid(&self, area: Option<BedArea>, settings: &MeshSettings) -> Result<MeshGrid, CommandError> {
         let mut ends_10nm = settings.area_10nm;
@@ -39,7 +40,7 @@ impl<P: Ports> Printer<'_, P> {
             let asked_10nm = self.ends_10nm(&area, settings)?;
             for ((points, asked), whole) in points.iter_mut().zip(asked_10nm).zip(&mut ends_10nm) {
                 let ([whole_from, whole_to], [from, to]) = (*whole, asked);
-                // As near to each other as on the whole bed.
+                // As closely spaced as on the whole bed.
                 let gaps = i64::from(*points) - 1;
                 let part = ((to - from) * gaps + (whole_to - whole_from) - 1) / (whole_to - whole_from).max(1) + 1;
                 *points = u8::try_from(part).unwrap_or(*points).clamp(MIN_POINTS.min(*points), *points);
@@ -66,11 +67,11 @@ impl<P: Ports> Printer<'_, P> {
             ends_10nm.iter_mut().zip(words).zip([(left, right), (front, back)]).enumerate()
         {
             let length = |word: Decimal| self.interpreter.modal.length_10nm(word).ok_or(CommandError::TooFar);
-            // In coordinates of the G-code, as everything that is printed.
+            // In the G-code's coordinates, like everything that is printed.
             let offset_10nm = self.bed_offset_10nm()[axis];
             let reach_10nm = self.reach_10nm(axis);
             let [least, most] = reach_10nm.map(|end| end + offset_10nm);
-            // The ends that are not named.
+            // Ends that are not named.
             let [first, last] =
                 settings.area_10nm[axis].map(|end_10nm| end_10nm.clamp(reach_10nm[0], reach_10nm[1]) + offset_10nm);
             let from = match from {

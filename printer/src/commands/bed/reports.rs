@@ -18,7 +18,7 @@ impl<P: Ports> Printer<'_, P> {
         self.motion.mesh(|mesh| write_mesh(replies, mesh));
     }
 
-    /// Reports whether Z follows the mesh, and the height at which that fades.
+    /// Reports whether Z follows the mesh, and the height at which the mesh has faded out.
     #[inline(never)]
     pub(super) fn report_following(&self) {
         let follows = self.interpreter.modal.follows_bed;
@@ -31,7 +31,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// G30, in the G-code's coordinates, and the position afterwards.
+    /// Reports G30, in the G-code's coordinates, and the position afterwards.
     #[inline(never)]
     pub(super) fn report_place(&self, place_10nm: [i64; 2], height_10nm: i64) {
         let [x_10nm, y_10nm] = place_10nm;
@@ -43,7 +43,7 @@ impl<P: Ports> Printer<'_, P> {
         self.replies.send(Reply::Position(self.position()));
     }
 
-    /// M48.
+    /// Reports M48.
     #[inline(never)]
     pub(super) fn report_repeatability(&self, heights: &Heights) {
         let [mean, least, most] = [heights.mean_10nm(), heights.least_10nm, heights.most_10nm]

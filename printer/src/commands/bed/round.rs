@@ -1,12 +1,12 @@
-//! A round bed: the mesh is a rectangle, whose corners the probe does not find.
+//! A round bed: the mesh is a rectangle whose corners the probe cannot reach.
 
 use ferrostep_planner::surface::Mesh;
 
-/// Directions to the neighbours of a point along the rows and the columns; the surface is continued
-/// from one and two points there.
+/// Directions to a point's neighbours along rows and columns; one and two points that way, the
+/// surface is extrapolated.
 const STRAIGHT: [[i8; 2]; 4] = [[1, 0], [-1, 0], [0, 1], [0, -1]];
 
-/// Towards which corners.
+/// Directions to a point's diagonal neighbours.
 const SLANTED: [[i8; 2]; 4] = [[1, 1], [-1, 1], [1, -1], [-1, -1]];
 
 /// The point at this distance from another; `None` beyond the first row or column.
@@ -18,9 +18,9 @@ fn height(mesh: &Mesh, point: [u8; 2], way: [i8; 2]) -> Option<i32> {
     mesh.height_um(beside(point, way)?).map(i32::from)
 }
 
-/// The height to which the surface continues at a point, um: the mean over the known points beside
-/// it, each by a straight line, or by a plane through three; if these give none and `is_level`, the
-/// mean of the heights beside it.
+/// Extrapolated height of the surface at a point, um: the mean over the known points beside it,
+/// each by a straight line, or by a plane through three; if these give none and `is_level`, the
+/// mean of the neighbouring heights.
 fn continued_um(mesh: &Mesh, point: [u8; 2], is_level: bool) -> Option<i16> {
     let lines = STRAIGHT.into_iter().filter_map(|[across, along]| {
         Some(2 * height(mesh, point, [across, along])? - height(mesh, point, [2 * across, 2 * along])?)
@@ -39,12 +39,12 @@ fn mean(heights: impl Iterator<Item = i32>) -> Option<i32> {
     sum.checked_div(count)
 }
 
-/// Gives the points that were not probed the heights to which the surface continues from those that
-/// were: straight, and where no slope is known, level. A mesh without any height stays empty.
+/// Gives the unprobed points heights extrapolated from the probed ones: straight, or level where no
+/// slope is known. A mesh without any height stays empty.
 pub(super) fn continue_surface(mesh: &mut Mesh) {
     let [columns, rows] = mesh.grid().points;
     for is_level in [false, true] {
-        // From the middle outwards, a ring of points at a time at least.
+        // From the middle outwards, at least one ring of points per pass.
         for _ in 0..columns.max(rows) {
             for row in 0..rows {
                 for column in 0..columns {
@@ -67,7 +67,7 @@ mod tests {
     use ferrostep_planner::surface::{MeshGrid, MeshInterpolation};
     use proptest::prelude::*;
 
-    /// A grid around 0, 0, of whose points those within its circle have the heights of a plane, um.
+    /// A grid around 0, 0 whose points within its circle have the heights of a plane, um.
     fn on_a_circle(points: [u8; 2], plane: [f64; 3]) -> (Mesh, impl Fn([u8; 2]) -> f64) {
         let grid = MeshGrid::over([[-1_000_000, 1_000_000]; 2], points).unwrap();
         let height = move |point| {
@@ -88,7 +88,7 @@ mod tests {
     }
 
     proptest! {
-        /// A plane continues as that plane, whatever the grid.
+        /// A plane is extrapolated as that plane, whatever the grid.
         #[test]
         fn a_plane_goes_on(
             points in [3u8..=15, 3u8..=15],
@@ -103,7 +103,7 @@ mod tests {
             for row in 0..points[1] {
                 for column in 0..points[0] {
                     let found = mesh.height_um([column, row]).map(f64::from).unwrap();
-                    // Heights are rounded to a um, and the continuation has that error as well.
+                    // Heights are rounded to 1 um, and the extrapolation carries that error on.
                     let away = (found - height([column, row])).abs();
                     prop_assert!(away < 60.0, "{column} {row}: {found}, {away} um away");
                 }
@@ -129,7 +129,7 @@ mod tests {
         mesh.begin(&MeshGrid::over([[0, 1_000_000]; 2], [5, 5]).unwrap(), MeshInterpolation::Bilinear);
         continue_surface(&mut mesh);
         assert!(!mesh.is_complete());
-        // A single height continues level.
+        // A single height is extrapolated level.
         mesh.set_height_um([2, 2], 7);
         continue_surface(&mut mesh);
         assert!((0..25).all(|index| mesh.height_um([index % 5, index / 5]) == Some(7)));

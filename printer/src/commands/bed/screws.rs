@@ -1,4 +1,4 @@
-//! G35: the turns that level the screws of the bed.
+//! G35: reports the turns that level the bed screws.
 
 use core::fmt;
 
@@ -13,14 +13,15 @@ use crate::settings::profile::homing::{BedScrews, MeshSettings};
 /// Parts of a turn in reports, as minutes of an hour.
 const MINUTES: i64 = 60;
 
-/// A turn, as a clock's hand goes in this time.
+/// A turn, shown as hours and minutes of a clock's hand.
 struct Turn {
     clockwise: bool,
     minutes: i64,
 }
 
 impl Turn {
-    /// The turn that lifts the bed at a screw, or lowers it (below 0), units of 10 nm.
+    /// The turn that lifts the bed at a screw, or lowers it (below 0); `lift_10nm` in units of 10
+    /// nm.
     fn of(screws: &BedScrews, lift_10nm: i64) -> Self {
         let pitch_10nm = screws.pitch_10nm.max(1);
         let minutes = (lift_10nm.abs() * MINUTES + pitch_10nm / 2) / pitch_10nm;
@@ -40,7 +41,8 @@ impl fmt::Display for Turn {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// G35: probes above each screw. The first stays; the others are to be turned to its height.
+    /// Executes G35: probes above each screw. The first stays; the others are to be turned to its
+    /// height.
     pub(super) async fn measure_screws(&mut self, settings: &MeshSettings) -> Result<(), CommandError> {
         let Some(screws) = &self.profile.bed_screws else { return Err(CommandError::NoScrews) };
         self.needs_home()?;

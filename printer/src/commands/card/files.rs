@@ -12,7 +12,7 @@ use crate::ports::{Heating, Ports, Replies};
 use crate::printer::Printer;
 
 impl<P: Ports> Printer<'_, P> {
-    /// Mounts a card at the start, as M21 does.
+    /// Mounts a card at startup, as M21 does.
     pub async fn mount_card(&mut self) {
         let mounted = self.ask_card(Request::Mount).await;
         match mounted {
@@ -149,14 +149,14 @@ impl<P: Ports> Printer<'_, P> {
         self.with_opened(|file| Selected::from(file)).ok_or(CardFailure::NotFound)
     }
 
-    /// Calls `look` with the open file.
+    /// Calls `look` with the open file, if any.
     pub(crate) fn with_opened<T>(&self, look: impl Fn(&OpenedFile) -> T) -> Option<T> {
         let mut seen = None;
         self.print.card.port?.with(&mut |mailbox| seen = mailbox.opened().map(&look));
         seen
     }
 
-    /// Marlin's text for a failure with a file, and the reason.
+    /// Reports Marlin's text for a failure with a file, and the reason.
     pub(super) fn refuse_file(&self, what: &str, path: &str, failure: CardFailure) {
         self.replies.say(format_args!("{what}, File: {path}."));
         self.replies.say(format_args!("echo:card: {failure}"));
@@ -195,25 +195,25 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// M25: pauses a print of the card or of a host; the nozzle goes aside.
+    /// Executes M25: pauses a print from the card or a host and parks the nozzle.
     async fn pause_by_host(&mut self) -> Result<(), CommandError> {
         self.pause(PauseReason::Pause).await?;
         self.note_paused();
         Ok(())
     }
 
-    /// A line has paused the print: reading the card stops here.
+    /// Notes that a line has paused the print: reading the card stops here.
     pub(super) fn note_paused(&mut self) {
         if self.is_paused() && self.print.card.job == Job::Printing {
             self.set_card_job(Job::Paused);
         }
     }
 
-    /// Pauses a print of the card that cannot continue here, as M25 does, with the nozzle aside. If
-    /// even that fails, the nozzle stays where it is.
+    /// Pauses a print from the card that cannot continue here, as M25 does, with the nozzle parked.
+    /// If even that fails, the nozzle stays where it is.
     pub(super) async fn pause_print(&mut self) {
         self.lines.source = Source::Card;
-        // The failure has been reported; a stop ends the print.
+        // The failure has been reported already; a stop ends the print.
         let _ = self.command_with_signs_of_life(&Command::Card(CardCommand::Pause)).await;
         self.signals.set_at_work(self.is_paused());
         if self.print.card.job == Job::Printing {
@@ -241,7 +241,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Ends a print at M524, once it has noticed it: planned motion ends, and all heaters are off.
+    /// Ends a print after M524: planned motion ends, and all heaters are switched off.
     pub(super) async fn end_aborted_print(&mut self) {
         self.heating.all_off();
         self.forget_rested_heaters();

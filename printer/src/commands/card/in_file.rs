@@ -1,4 +1,4 @@
-//! Commands for the card in the file of a print: one list for files on a card and on the desk.
+//! Commands for the card within a print's file: one list for files on a card and on the desk.
 
 use ferrostep_gcode::{CardCommand, Command, Remark, Remarks};
 
@@ -10,15 +10,15 @@ use crate::printer::{Answer, Printer};
 /// The treatment of a command in the file of a print.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum InFile {
-    /// The command is executed: it asks, pauses or ends the print.
+    /// The command is executed: it queries, pauses or ends the print.
     Works,
-    /// The command chooses, writes or deletes files, and the print continues without it.
+    /// The command selects, writes or deletes files; the print continues without executing it.
     HasNoEffect,
-    /// The lines after it were not to be executed.
+    /// The command is refused: the lines after it were not meant to be executed.
     IsRefused,
 }
 
-/// The treatment of a command in the file of a print.
+/// Treatment of a command in a print's file.
 const fn in_file(command: &CardCommand<'_>) -> InFile {
     match command {
         CardCommand::List { .. }
@@ -46,7 +46,7 @@ const fn in_file(command: &CardCommand<'_>) -> InFile {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Adds the remarks on a command for the card in a file.
+    /// Adds the remarks on a card command in a file.
     pub(crate) fn add_card_remarks(&self, command: &CardCommand<'_>, remarks: &mut Remarks) {
         if self.source_is_host() {
             return;
@@ -59,11 +59,11 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Returns `Ok` if a command of a file is to be executed; it has been [answered](Answer::Given)
-    /// if it has no effect there.
+    /// Returns `Ok` if a command of a file is to be executed; [`Answer::Given`] if it has no effect
+    /// there.
     ///
     /// # Errors
-    /// The file of a print cannot have it.
+    /// The command is not allowed in a print's file.
     pub(crate) fn may_stand_in_file(&self, command: &Command<'_>) -> Result<Answer, CommandError> {
         match command {
             Command::Card(card) if !self.source_is_host() => match in_file(card) {

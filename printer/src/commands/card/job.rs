@@ -46,7 +46,7 @@ impl<P: Ports> Printer<'_, P> {
                 End::Stopped
             }
         };
-        // The rest of the moves taken is executed, to a standstill on the path.
+        // The remaining accepted moves are executed, to a standstill on the path.
         let _ = self.abandon_prepared().await;
         end
     }

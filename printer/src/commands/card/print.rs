@@ -16,7 +16,8 @@ use crate::printer::Printer;
 
 /// Text from hosts while the card prints.
 pub enum HostText<'a> {
-    /// A line or why it cannot be read, and its host, which receives the replies from now on.
+    /// A line, or the reason why it cannot be read, and its host, which receives the replies from
+    /// now on.
     Line(&'a mut Host, Result<Line<'a>, LineError>),
     /// A part of a line; more may be waiting.
     Part,
@@ -24,13 +25,13 @@ pub enum HostText<'a> {
     Nothing,
 }
 
-/// The hosts' lines, beside a print from the card.
+/// The hosts' lines during a print from the card.
 pub trait HostLines {
-    /// Takes the next text that has come, without waiting.
+    /// Takes the next text that has arrived, without waiting.
     fn next(&mut self) -> HostText<'_>;
-    /// Replies go to all hosts from now on, since none has asked.
+    /// Sends replies to all hosts from now on, since none has asked.
     fn tell_all(&mut self);
-    /// Waits a little, for bytes of a host or of the card. `idle`: the machine has no other work.
+    /// Waits briefly for bytes of a host or of the card. `idle`: the machine has no other work.
     fn wait(&mut self, idle: bool) -> impl Future<Output = ()>;
 }
 
@@ -49,14 +50,14 @@ pub(super) enum End {
 
 /// The file's next bytes.
 pub(super) enum Bytes {
-    /// Number of bytes of the text.
+    /// Number of bytes of text.
     Some(usize),
     /// The file has ended.
     End,
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Returns true if [`Self::print_from_card`] is to be called.
+    /// Returns true if [`Self::print_from_card`] must be called.
     pub fn prints_from_card(&self) -> bool {
         self.print.card.job != Job::None
     }
@@ -114,7 +115,7 @@ impl<P: Ports> Printer<'_, P> {
     /// Answers hosts, and waits while the print is paused.
     ///
     /// # Errors
-    /// The print ends, or continues at another place of the file.
+    /// The print ends, or continues elsewhere in the file.
     pub(super) async fn answer_hosts(&mut self, hosts: &mut impl HostLines, stops: u32) -> Result<(), End> {
         let mut has_rested = false;
         self.note_paused();
@@ -142,7 +143,7 @@ impl<P: Ports> Printer<'_, P> {
                 return if self.print.card.seek.is_some() { Err(End::Elsewhere) } else { Ok(()) };
             }
             if !has_rested {
-                // To a standstill, so that a host may move the head.
+                // The machine comes to a standstill, so that a host may move the head.
                 has_rested = true;
                 let _ = self.command_with_signs_of_life(&Command::Finish).await;
                 continue;
@@ -151,7 +152,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Follows a person's answer: a paused print continues, or more filament is pushed first.
+    /// Acts on a person's answer: continues a paused print, or first pushes more filament.
     async fn follow_answer(&mut self) {
         let done = match self.take_answer() {
             None => return,
@@ -166,7 +167,7 @@ impl<P: Ports> Printer<'_, P> {
     /// The file's next bytes. If the card fails, the print is paused until M24.
     ///
     /// # Errors
-    /// The print ends, or continues at another place of the file.
+    /// The print ends, or continues elsewhere in the file.
     pub(super) async fn take_bytes(
         &mut self,
         hosts: &mut impl HostLines,
@@ -232,7 +233,7 @@ impl<P: Ports> Printer<'_, P> {
             }
     }
 
-    /// Returns true if a failure has stopped the machine, not only the line.
+    /// Returns true if a failure has stopped the machine, not only refused the line.
     pub(super) fn has_stopped(failure: &Failure) -> bool {
         matches!(failure, Failure::Command(error) if error.stops())
     }

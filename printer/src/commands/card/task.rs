@@ -14,7 +14,7 @@ use crate::printer::Printer;
 pub(super) const LOOK_MS: u32 = 1;
 
 impl<'a, P: Ports> Printer<'a, P> {
-    /// The board has a slot for a memory card, served by this task.
+    /// Gives the printer a memory-card slot, served by the task behind `port`.
     pub fn set_card(&mut self, port: &'a dyn CardPort) {
         self.print.card.port = Some(port);
     }
@@ -40,7 +40,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         match job {
             Job::Printing => self.start_print_clock(),
             Job::Paused => self.pause_print_clock(),
-            // Its end has stopped the clock.
+            // The end of the print has stopped the clock.
             Job::None => {}
         }
         self.print.card.job = job;

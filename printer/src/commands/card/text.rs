@@ -13,7 +13,7 @@ use crate::printer::{Answer, Printer};
 const CHUNK_BYTES: usize = 64;
 
 impl<P: Ports> Printer<'_, P> {
-    /// Prints from the present place on; `lines_before` lines of the file are before it.
+    /// Prints from the present place on; `lines_before` lines of the file precede it.
     pub(super) async fn print_text(&mut self, hosts: &mut impl HostLines, lines_before: u32, stops: u32) -> End {
         let mut reader = LineReader::new();
         let mut chunk = [0; CHUNK_BYTES];
@@ -54,8 +54,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Executes a line. A refused line pauses the print. It is tried again when the print
-    /// resumes if a person can mend the reason; else the print continues after it, so that no
+    /// Executes a line. A refused line pauses the print. If a person can mend the reason, the line
+    /// is tried again when the print resumes; otherwise the print continues after it, so that no
     /// pause is endless.
     async fn card_line(
         &mut self,
@@ -117,10 +117,10 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Prepares a command of the card's file, whose line begins at `line_start`: answers or refuses
-    /// some, and keeps the place.
+    /// some commands, and keeps the place.
     ///
     /// # Errors
-    /// A print cannot have it.
+    /// The command is not allowed in a print.
     pub(crate) fn begin_card_command(
         &mut self,
         number: u32,

@@ -1,4 +1,4 @@
-//! Lines of a host that are written to a file: M28, M29, M928.
+//! Host lines that are written to a file: M28, M29, M928.
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_card::{CardFailure, LongPath, Put, Request};
@@ -12,7 +12,7 @@ use crate::ports::{Ports, Replies};
 use crate::printer::Printer;
 
 impl<P: Ports> Printer<'_, P> {
-    /// Takes whether the last command has begun to write the lines of its host into a file.
+    /// Returns, once, whether the last command has begun to write its host's lines into a file.
     pub(crate) fn take_begun_writing(&mut self) -> bool {
         core::mem::take(&mut self.print.card.begun_writing)
     }
@@ -53,7 +53,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Writes a line of the host; `false` if it was the last.
+    /// Writes a line of the host; `false` if it was the last one.
     pub(crate) async fn write_line(&mut self, text: &str) -> bool {
         self.signals.note_host();
         if is_end_of_file(text) {
@@ -62,7 +62,7 @@ impl<P: Ports> Printer<'_, P> {
             && let Err(failure) = self.put_line(text).await
         {
             self.tell_write_error(failure);
-            // The lines that follow are a part of the file and must not be executed.
+            // The following lines are part of the file and must not be executed.
             self.print.card.writing = Writing::Lost;
         }
         self.replies.send(Reply::Ok);

@@ -12,7 +12,7 @@ fn say(world: &World, line: &str) -> Vec<String> {
     world.said()
 }
 
-/// The usual fans, `exhaust` with P2 and `board` by itself.
+/// Machine with the usual fans, `exhaust` as P2, and `board`, which switches itself.
 fn world() -> World {
     let mut world = World::new();
     world.change(|profile| {

@@ -22,7 +22,7 @@ use crate::signals::Signals;
 const SENSOR: FilamentSensor =
     FilamentSensor { kind: FilamentSensorKind::Switch { missing_is_low: true }, debounce_ms: 500 };
 
-/// A hot nozzle, and the texts that were sent.
+/// A hot nozzle, and the texts sent.
 struct World {
     rig: Rig,
     target_celsius: f32,
@@ -46,7 +46,7 @@ impl Heating for Hot {
     }
 }
 
-/// All waits are for a person.
+/// Clock on which every wait is a wait for a person.
 #[derive(Clone)]
 struct Waits;
 
@@ -81,7 +81,7 @@ impl World {
         Printer::new(&self.rig.profile, RigMotion::new(&self.rig), heating, Waits, self, &self.signals)
     }
 
-    /// Executes a host's line; `true` if it paused, and went on when a person had said so.
+    /// Executes a host's line; returns `true` if it paused and continued after a person's answer.
     fn pauses(&self, printer: &mut TestPrinter<'_>, line: &str, is_numbered: bool) -> bool {
         self.texts.borrow_mut().clear();
         let mut has_paused = false;
@@ -106,7 +106,8 @@ impl World {
 fn a_state_counts_when_it_has_lasted() {
     let signals = Signals::new();
     let mut watch = FilamentWatch::new();
-    // It bounces, is out for less than the time, and then for longer; a clock that wraps.
+    // The switch bounces, then reports missing filament for less than the time, then for longer;
+    // the clock wraps.
     let begin_ms = u32::MAX - 700;
     let mut look = |after_ms: u32, is_missing| {
         watch.look(begin_ms.wrapping_add(after_ms), is_missing, &SENSOR, &signals);
@@ -173,7 +174,7 @@ fn nothing_pauses_an_idle_printer_a_person_or_a_sensor_that_is_off() {
     }
 }
 
-/// A card's reader waits by itself, and reads on when the print is no longer paused.
+/// A card's reader waits by itself, and continues reading when the print is no longer paused.
 #[test]
 fn a_print_from_a_card_is_paused_after_the_line() {
     let world = World::new(210.0, Some(SENSOR));
@@ -237,7 +238,7 @@ fn filament_that_stands_pauses_a_print_in_words_of_its_own() {
     ] {
         assert!(world.said(text), "{text}: {:?}", world.texts);
     }
-    // The encoder has given no sign since, but a person has had the filament in hand.
+    // The encoder has not moved since, but a person has handled the filament.
     assert!(!world.pauses(&mut printer, "G1 X30 E3", true));
     assert!(!world.signals.is_filament_missing());
 }
@@ -318,7 +319,7 @@ fn a_switch_beside_an_encoder_speaks_for_itself() {
     assert!(world.signals.is_filament_out() && !world.signals.is_filament_missing());
     asks("M412", "filament: present; switch: missing");
     asks("M119", "filament: open");
-    // An encoder's count does not bring the switch's filament back.
+    // The encoder's count does not bring the switch's filament back.
     asks("M412 R", "ok");
     asks("M412", "filament: present; switch: missing");
     world.signals.set_filament_missing(true);

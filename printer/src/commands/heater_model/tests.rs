@@ -1,4 +1,4 @@
-//! M306, and the gains' commands beside a model, at a machine whose heaters are models.
+//! M306, and the gain commands beside a model, on a machine whose heaters are models.
 
 mod second_nozzle;
 
@@ -103,7 +103,7 @@ fn the_model_is_found_and_taken() {
         assert_eq!(ok, "ok");
         assert_eq!(world.model(Heater::Nozzle) != Some(MODEL), takes, "{line}");
         assert_eq!(world.target(Heater::Nozzle), 0.0);
-        // The line that it has said sets the same.
+        // The reported line sets the same values.
         assert_eq!(say(&world, m306.strip_prefix("echo:").unwrap()), ["ok"]);
         assert_eq!(say(&world, "M306"), vec![m306.clone(), String::from("ok")]);
         // 12 J/K, 0.11 and 0.13 W/K, a lag of 2 s, and a dead time of 1 s, which counts 1.7 times:

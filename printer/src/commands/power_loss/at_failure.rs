@@ -1,4 +1,4 @@
-//! The supply fails, and a module feeds the board for some seconds more: the place of the print
+//! The supply fails while a module feeds the board for some seconds more: the place of the print
 //! goes to the card at once.
 
 use embedded_hal_async::delay::DelayNs;
@@ -9,7 +9,7 @@ use crate::part::Part;
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
 
-/// Maximum time for the card to write the place, ms: cards take up to 250 for a block.
+/// Maximum time for the card to write the place, ms: a card takes up to 250 ms for a block.
 const CARD_MS: u32 = 500;
 
 /// Result of writing the place.
@@ -17,14 +17,14 @@ const CARD_MS: u32 = 500;
 enum Outcome {
     /// The place is on the card.
     Kept,
-    /// The card may have an older one.
+    /// The card may have an older place.
     Before,
     /// The card has failed.
     Failed,
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Returns true if a signal of the supply is watched.
+    /// Returns true if a supply signal is watched.
     pub(super) fn watches_supply(&self) -> bool {
         <P::Motion as Motion>::SupplySignal::PRESENT && self.profile.supply_signal.is_some()
     }
@@ -35,20 +35,19 @@ impl<P: Ports> Printer<'_, P> {
         self.watches_supply() && self.signals.has_supply_failed()
     }
 
-    /// The supply has failed while the card prints: keeps the place of the print, and
-    /// halts the machine.
+    /// Saves the print's place when the supply fails while the card prints, and halts the machine.
     pub(crate) async fn keep_at_failure(&mut self) {
         if !self.has_supply_failed() {
             return;
         }
         self.signals.take_supply_failure();
-        // Before anything else asks for time.
+        // Done first, before anything else takes time.
         self.heating.all_off();
         self.stop_motion();
         let mut outcome = self.begin_last_place();
         self.until_written(&mut outcome).await;
         if let Some(target_10nm) = self.place_above_10nm().filter(|_| outcome == Outcome::Kept) {
-            // Where it stays on its way, the height that is kept is that one.
+            // If the rise is cut short, the height reached is the one kept.
             let _risen = self.go(target_10nm).await;
             self.follow_rise();
             self.until_written(&mut outcome).await;
@@ -59,7 +58,7 @@ impl<P: Ports> Printer<'_, P> {
         self.replies.send(Reply::Killed);
     }
 
-    /// Waits until the card's task has done with the place.
+    /// Waits until the card's task is done with the place.
     async fn until_written(&mut self, outcome: &mut Outcome) {
         for _ in 0..CARD_MS {
             if *outcome != Outcome::Kept || self.is_place_written(outcome) {
@@ -70,8 +69,8 @@ impl<P: Ports> Printer<'_, P> {
         *outcome = Outcome::Failed;
     }
 
-    /// Position above the print to which the nozzle rises, units of 10 nm; `None`: it stays. In a
-    /// pause it has risen already.
+    /// Position above the print to which the nozzle rises, units of 10 nm; `None`: it stays. A
+    /// paused print's nozzle has already risen.
     fn place_above_10nm(&self) -> Option<[i64; 3]> {
         let rise_10nm = self.profile.supply_signal?.rise_10nm;
         let [x, y, z] = self.motion.position_10nm();
@@ -91,8 +90,8 @@ impl<P: Ports> Printer<'_, P> {
         self.print.power_loss.stands_10nm = Some(z_10nm);
     }
 
-    /// Lets the card's task write the newest place that the motors have passed, with
-    /// their present height.
+    /// Asks the card's task to write the newest place that the motors have passed, with their
+    /// present height.
     #[inline(never)]
     fn begin_last_place(&mut self) -> Outcome {
         if !self.print.power_loss.is_keeping {

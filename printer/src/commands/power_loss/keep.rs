@@ -1,9 +1,9 @@
 //! Keeps the place of a print on its card.
 //!
 //! Two rules make a place fit for resuming. **Its lines have been executed**: a place that is noted
-//! when its line is read is written when a later move has ended. **Its height is not above the true
-//! one**, so that the nozzle never returns deeper than the print: where motion goes below it, the
-//! lower height is written as the line is read.
+//! when its line is read is written only after a later move has ended. **Its height is not above
+//! the true one**, so that the nozzle never returns deeper than the print: where motion goes below
+//! it, the lower height is written as the line is read.
 
 use ferrostep_card::Request;
 use ferrostep_gcode::Reply;
@@ -18,11 +18,11 @@ use crate::printer::Printer;
 
 /// A layer that begins sooner after the last place is noted later, ms: cards wear out.
 const LAYER_MS: u64 = 5_000;
-/// Within a layer a place is noted after this time, ms.
+/// Interval between places within a layer, ms.
 const LINE_MS: u64 = 30_000;
 
 impl<P: Ports> Printer<'_, P> {
-    /// Returns true if lines are read from the card.
+    /// Returns true if lines are being read from the card.
     pub(super) fn prints_now(&self) -> bool {
         self.print.card.job == Job::Printing
     }
@@ -51,15 +51,15 @@ impl<P: Ports> Printer<'_, P> {
                 self.replies.say(format_args!("echo:power loss: the place of this print is not kept: {failure}"));
             }
         }
-        // The nozzle of a paused print goes down to it next.
+        // The nozzle of a paused print descends to its place next.
         if let Some(paused) = &self.print.paused {
             let [.., z_10nm] = paused.place_10nm;
             self.lower_kept_height(z_10nm);
         }
     }
 
-    /// Writes the place that waited for the motors, before a line of the card, and notes that of
-    /// this line, if it is time.
+    /// Writes the place that waited for the motors, before a line of the card, and notes this
+    /// line's place if it is due.
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
     pub(crate) fn keep_place(&mut self, line: u32, offset: u32, lays: bool) {
@@ -84,7 +84,7 @@ impl<P: Ports> Printer<'_, P> {
         let is_layer = modal.machine_10nm[2] != self.print.power_loss.layer_10nm;
         let least_ms = if is_layer { LAYER_MS } else { LINE_MS };
         let is_due = self.print.power_loss.noted_ms.is_none_or(|noted_ms| now_ms.saturating_sub(noted_ms) >= least_ms);
-        // Where the supply says that it fails, the newest place is at hand then.
+        // With a supply signal, the newest place must be at hand when the supply fails.
         if !is_due && !self.watches_supply() {
             return;
         }
@@ -118,8 +118,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Keeps the place of a paused print: the position that it returns to, and the present
-    /// height of the motors.
+    /// Keeps the place of a paused print: the position to which it returns, and the present height
+    /// of the motors.
     #[inline(never)]
     pub(super) fn keep_pause(&mut self) {
         let Some(paused) = self.print.paused.filter(|_| self.print.power_loss.is_keeping) else { return };
@@ -135,8 +135,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// While the print is paused: keeps its place, and the height to which a person
-    /// moves the nozzle.
+    /// Keeps the place while the print is paused, with the height to which a person moves the
+    /// nozzle.
     pub(crate) fn keep_while_paused(&mut self) {
         if !self.print.power_loss.is_keeping || self.print.card.job != Job::Paused {
             return;
@@ -149,8 +149,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Ends keeping with the print. The place of a print that a halt has ended stays:
-    /// it can be resumed.
+    /// Ends keeping together with the print. After a halt the place stays: the print can be
+    /// resumed.
     pub(crate) fn end_keeping(&mut self) {
         let is_resumable = self.signals.is_halted() || core::mem::take(&mut self.print.power_loss.is_resuming);
         if self.print.power_loss.is_keeping && !is_resumable {
@@ -159,7 +159,7 @@ impl<P: Ports> Printer<'_, P> {
         (self.print.power_loss.is_keeping, self.print.power_loss.is_pending) = (false, false);
     }
 
-    /// The card keeps no place any more.
+    /// Notes that the card no longer keeps a place.
     pub(super) fn forget_place(&mut self) {
         (self.print.power_loss.is_keeping, self.print.power_loss.is_pending, self.print.power_loss.stands_10nm) =
             (false, false, None);
@@ -169,7 +169,7 @@ impl<P: Ports> Printer<'_, P> {
         self.write_place();
     }
 
-    /// Notes a place, which is written later. `false`: the one before is still being written.
+    /// Notes a place, to be written later; `false` if the previous one is still being written.
     fn note_place(&mut self, stands_10nm: i64, offset: u32, lines: u32, paused: Paused) -> bool {
         let mut place = Place::<<P::Motion as Motion>::Tools> {
             stands_10nm,
@@ -215,8 +215,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// The motors of Z go to this height: if it is below the kept one, that follows,
-    /// before they are there.
+    /// Prepares for the Z motors to go to this height: if it is below the kept one, the kept one is
+    /// lowered before they arrive.
     fn lower_kept_height(&mut self, z_10nm: i64) {
         if self.print.power_loss.stands_10nm.is_none_or(|stands_10nm| z_10nm >= stands_10nm) {
             return;

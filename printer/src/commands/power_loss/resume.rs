@@ -1,6 +1,6 @@
-//! An interrupted print is resumed.
+//! Resuming an interrupted print.
 //!
-//! Z is not homed: the nozzle is over the print. Its height is the one that was kept; X and Y are
+//! Z is not homed, because the nozzle is over the print: its height is the kept one. X and Y are
 //! homed above the print.
 
 use ferrostep_card::{CardFailure, OpenedFile, Request};
@@ -26,11 +26,11 @@ type PlaceOf<P> = Place<<<P as Ports>::Motion as Motion>::Tools>;
 /// Reason why an interrupted print cannot be resumed.
 enum NoWay {
     Card(CardFailure),
-    /// The print is not this machine's, or of another version of the firmware.
+    /// The print belongs to another machine, or to another version of the firmware.
     Foreign,
-    /// The machine is not where it was.
+    /// The machine is not at the kept place.
     Moved,
-    /// The place is not in the travel.
+    /// The place is outside the travel.
     Outside,
 }
 
@@ -49,7 +49,7 @@ impl core::fmt::Display for NoWay {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// M1000.
+    /// Executes M1000.
     pub(crate) async fn interrupted_print(&mut self, command: InterruptedPrint) -> Result<(), CommandError> {
         if self.print.card.job != Job::None || self.is_paused() || self.print.card.is_written() {
             return Err(CommandError::CardInUse);
@@ -101,7 +101,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Searches for an interrupted print after the card was mounted. If the motors have not moved
-    /// since the start, their height is that of the kept place.
+    /// since the start, the kept height becomes theirs.
     pub(crate) async fn find_interrupted_print(&mut self) {
         if self.print.card.job != Job::None || self.print.card.has_selected() {
             return;
@@ -114,7 +114,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// The height of the motors is the one that was kept.
+    /// Sets the motors' height to the kept one.
     #[inline(never)]
     fn take_kept_height(&mut self) {
         let Ok(Place { stands_10nm, .. }) = self.kept_place() else { return };
@@ -127,7 +127,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Says which print was interrupted.
+    /// Reports which print was interrupted.
     #[inline(never)]
     fn offer(&self) {
         let Ok(Place { offset, lines, paused, .. }) = self.kept_place() else { return };
@@ -145,20 +145,20 @@ impl<P: Ports> Printer<'_, P> {
         ));
     }
 
-    /// The path of the interrupted print, as the card keeps it.
+    /// Path of the interrupted print, as the card keeps it.
     fn kept_name(&self) -> Text {
         let mut name = Text::new();
         if let Some(port) = self.print.card.port() {
             port.with(&mut |mailbox| {
                 name.clear();
-                // Both hold any path.
+                // The text has room for any path.
                 let _ = name.push_str(mailbox.page());
             });
         }
         name
     }
 
-    /// The place that was read from the card.
+    /// The place read from the card.
     #[inline(never)]
     fn kept_place(&self) -> Result<PlaceOf<P>, NoWay> {
         let mut place = PlaceOf::<P> {
@@ -189,7 +189,7 @@ impl<P: Ports> Printer<'_, P> {
         if is_read && place.profile == hash_of(self.profile.name) { Ok(place) } else { Err(NoWay::Foreign) }
     }
 
-    /// Checks the place that was read from the card.
+    /// Checks the place read from the card.
     #[inline(never)]
     fn checked_place(&self) -> Result<(), NoWay> {
         let Place { paused, .. } = self.kept_place()?;
@@ -198,20 +198,20 @@ impl<P: Ports> Printer<'_, P> {
         }
         let is_within = |axis: usize| {
             let [lower, upper] = [self.profile.lower_end_10nm[axis], self.profile.size_10nm[axis]];
-            // A part below the bed is M290's.
+            // Babysteps (M290) may have lowered it below the bed.
             let lower = if axis == 2 { lower.min(-PauseSettings::MAX_RISE_10NM) } else { lower };
             (lower..=upper).contains(&paused.place_10nm[axis])
         };
         if !paused.modal.soft_limits || (0..3).all(is_within) { Ok(()) } else { Err(NoWay::Outside) }
     }
 
-    /// Returns true while the nozzle is to return to the interrupted print (M1000).
+    /// Returns true while the nozzle is returning to the interrupted print (M1000).
     pub(crate) fn is_returning(&self) -> bool {
         self.print.power_loss.is_resuming
     }
 
-    /// Takes the nozzle back to the interrupted print, which then continues. `false`: it cannot,
-    /// and the reason was reported.
+    /// Takes the nozzle back to the interrupted print, which then continues. `false` if that is
+    /// impossible; the reason has been reported.
     pub(crate) async fn return_to_print(&mut self) -> bool {
         self.lines.begin(Source::Card, 0);
         self.signals.set_at_work(true);
@@ -232,8 +232,8 @@ impl<P: Ports> Printer<'_, P> {
         goes_on
     }
 
-    /// Next command on the way back. Bed, then nozzle: the plastic around the nozzle melts before
-    /// it rises. The chamber warms meanwhile.
+    /// Next command of the return. First the bed, then the nozzle: the plastic around the nozzle
+    /// melts before it rises. The chamber warms up meanwhile.
     #[inline(never)]
     fn return_step(&mut self, step: usize) -> Option<Command<'static>> {
         let place = self.kept_place().ok()?;
@@ -244,13 +244,13 @@ impl<P: Ports> Printer<'_, P> {
             0 => Command::SetChamber(Some(chamber)),
             1 => Command::WaitBed(WaitTarget::Heating(bed)),
             2 => {
-                // The other nozzle heats meanwhile.
+                // The other nozzle heats up meanwhile.
                 let (selected, other) =
                     if self.take_tools(&place.tools) { (nozzle1, nozzle) } else { (nozzle, nozzle1) };
                 self.heat_other_nozzle(other);
                 Command::WaitNozzle(None, WaitTarget::Heating(selected))
             }
-            // Draws back and rises; X and Y stay, as they are not homed.
+            // Retracts and rises; X and Y do not move, because they are not homed.
             3 => {
                 self.interpreter.modal.homed[2] = true;
                 self.interpreter.modal.failed_home[2] = false;
@@ -275,7 +275,7 @@ impl<P: Ports> Printer<'_, P> {
     fn take_kept_state(&mut self, place: &PlaceOf<P>) {
         let Place { offset, lines, limits, advance, extruder_steps, skew, paused: print, .. } = place;
         self.motion.set_limits(*limits);
-        // At standstill it cannot fail.
+        // Cannot fail at standstill.
         let _always_works = self.motion.set_extruder_steps_per_mm(StepsPerMm::clamped(*extruder_steps));
         let choice = MotionChoice { pressure_advance: *advance, ..self.motion.motion_choice() };
         if advance.check().is_err() || self.motion.set_motion_choice(&choice).is_err() {
@@ -287,7 +287,7 @@ impl<P: Ports> Printer<'_, P> {
             self.replies.send(Reply::Text("echo:power loss: the measured bed is lost: Z follows it no more"));
         }
         if let Some(paused) = &mut self.print.paused {
-            // Drawn back just now, and by the pause in which the power was cut.
+            // Retracted just now, and by the pause during which the power was cut.
             *paused = Paused { drawn_100pm: paused.drawn_100pm.saturating_add(print.drawn_100pm), ..*print };
         }
         self.print.card.wait_at((*offset, *lines));

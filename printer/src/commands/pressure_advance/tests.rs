@@ -1,4 +1,4 @@
-//! M900, M572 and SET_PRESSURE_ADVANCE at a machine.
+//! Tests of M900, M572 and SET_PRESSURE_ADVANCE on a machine.
 #![allow(clippy::unwrap_used)]
 
 use std::string::ToString;
@@ -26,11 +26,11 @@ fn each_firmwares_words_set_what_they_name() {
         (&["M900 K0.05", "M900 K=0"], plain(0.0)),
         (&["M572 D0 S0.05"], plain(0.05)),
         (&["M572 S0.05 W0.02"], PressureAdvance { smooth_time_s: Some(0.02), ..plain(0.05) }),
-        // The time stays, whatever K is.
+        // The averaging time stays, whatever K is.
         (&["M572 S0.05 W0.02", "M900 K0.1"], PressureAdvance { smooth_time_s: Some(0.02), ..plain(0.1) }),
         (&["SET_PRESSURE_ADVANCE SMOOTH_TIME=0.03"], PressureAdvance { smooth_time_s: Some(0.03), ..plain(0.0) }),
         (&["M572 S0.05 L0.03 T4"], PressureAdvance { above, ..plain(0.05) }),
-        // One K is for all flow.
+        // One K applies to every flow.
         (&["M572 S0.05 L0.03 T4", "SET_PRESSURE_ADVANCE ADVANCE=0.04"], plain(0.04)),
     ] {
         assert_eq!(after(lines), expected, "{lines:?}");
@@ -79,8 +79,8 @@ fn what_is_out_of_range_is_refused_with_its_numbers_and_the_advance_stays() {
         assert_eq!(execute(&mut printer, line).unwrap_err().to_string(), says, "{line}");
         assert_eq!(rig.choice(), good, "{line}");
     }
-    // In M900 such numbers have no effect: they are those of Linear Advance 1.0, which
-    // has another unit.
+    // Such numbers have no effect in M900: they are those of Linear Advance 1.0, which has another
+    // unit.
     for line in ["M900 K30", "M900 K2.1", "M900 K-0.1", "M900 K45 T0"] {
         execute(&mut printer, line).unwrap();
         assert_eq!(rig.choice(), good, "{line}");

@@ -65,7 +65,7 @@ fn a_pause_is_no_time_of_the_print() {
     let mut printer = world.printer();
     talk(&world, &mut printer, &["M75", "G4 S10", "M0 S500", "G4 S7"]);
     assert_eq!(talk(&world, &mut printer, &["M31"]), ["echo:Print time: 17s"]);
-    // A pause before a print has begun does not count either.
+    // A pause before a print begins does not count either.
     talk(&world, &mut printer, &["M77", "M0 S500", "G4 S7"]);
     assert_eq!(talk(&world, &mut printer, &["M31"]), ["echo:Print time: 17s"]);
 }

@@ -1,4 +1,4 @@
-//! M593 and SET_INPUT_SHAPER at a machine.
+//! Tests of M593 and SET_INPUT_SHAPER on a machine.
 #![allow(clippy::unwrap_used)]
 
 use std::format;
@@ -45,7 +45,7 @@ fn each_firmwares_words_set_the_axes_that_they_name() {
         // A frequency alone keeps the kind.
         (&["M593 P\"ei2\" F42", "M593 X F50"], shaper(TwoHumpEi, 50.0, 0.1), shaper(TwoHumpEi, 42.0, 0.1)),
         (&["M593 P\"EI3\" F42", "M593 Y P\"none\""], shaper(ThreeHumpEi, 42.0, 0.1), shaper(None, 42.0, 0.1)),
-        // Off, and on again with the numbers that it had.
+        // Off, and on again with its earlier numbers.
         (&["M593 F50 D0.2", "M593 X F0"], shaper(None, 50.0, 0.2), shaper(Zv, 50.0, 0.2)),
         (&["M593 F50 D0.2", "M593 F0", "M593 Y P\"zvd\""], shaper(None, 50.0, 0.2), shaper(Zvd, 50.0, 0.2)),
         (&["M593 D0.2", "SET_INPUT_SHAPER SHAPER_FREQ_X=60"], shaper(Mzv, 60.0, 0.2), shaper(None, 40.0, 0.2)),
@@ -138,7 +138,7 @@ fn what_cannot_be_made_is_refused_with_its_numbers_and_the_filters_stay() {
         ("M593 Y F4.99", frequency("4.99", 'Y')),
         ("M593 F-1", frequency("-1", 'X')),
         ("M593 P\"none\" F501", frequency("501", 'X')),
-        // X could be set and Y not: neither is.
+        // X could be set but Y could not, so neither is.
         ("SET_INPUT_SHAPER SHAPER_FREQ_X=60 SHAPER_FREQ_Y=1", frequency("1", 'Y')),
         ("M593 D1", damping("1", "0.99", "mzv", 'X')),
         ("M593 Y D-0.1", damping("-0.1", "0.99", "zvd", 'Y')),
@@ -166,7 +166,7 @@ fn what_cannot_be_made_is_refused_with_its_numbers_and_the_filters_stay() {
         assert_eq!(error.to_string(), says, "{line}");
         assert_eq!(rig.choice(), good, "{line}");
     }
-    // The named lowest frequency is taken.
+    // The lowest frequency that the message names is accepted.
     execute(&mut printer, "M593 Y P\"ei3\" F19.83").unwrap();
 }
 

@@ -11,9 +11,9 @@ fn marlins(ac: f64, bd: f64, ad: f64) -> f64 {
     (std::f64::consts::FRAC_PI_2 - ((ac * ac - ab * ab - ad * ad) / (2.0 * ab * ad)).acos()).tan()
 }
 
-/// AC, BD and AD, and the factor to nine decimals. The first is Marlin's default; of the second and
-/// third Klipper's documentation (`Skew_Correction.md`) has the lengths; the last are of a side of
-/// 100 mm and a Y that leans by 1 in 100, either way.
+/// AC, BD and AD, and the factor to nine decimals. The first row is Marlin's default; the lengths
+/// of the second and third are from Klipper's documentation (`Skew_Correction.md`); the last are
+/// those of a side of 100 mm and a Y that leans by 1 in 100, either way.
 const TABLE: [([f64; 3], f64); 5] = [
     ([282.842_712_474_6, 282.842_712_474_6, 200.0], 0.0),
     ([140.4, 142.8, 99.8], -0.016_950_737),
@@ -22,7 +22,7 @@ const TABLE: [([f64; 3], f64); 5] = [
     ([140.712_508_325, 142.126_668_858, 100.0], -0.010_000_000),
 ];
 
-/// The factor from lengths in mm.
+/// Factor from lengths in mm.
 fn of_lengths(lengths_mm: [f64; 3]) -> Option<f64> {
     Skew::factor_of_diagonals(lengths_mm.map(|length| (length * MM as f64).round() as u32)).map(f64::from)
 }
@@ -40,7 +40,7 @@ fn factors_are_those_of_marlins_formula() {
 }
 
 proptest! {
-    /// Any parallelogram, measured: its factor is the tangent of the angle by which its side leans.
+    /// Any parallelogram, measured: the factor is the tangent of the angle by which its side leans.
     #[test]
     fn a_leaning_parallelogram_has_its_tangent(ad in 50.0f64..300.0, ab in 50.0f64..300.0, lean in -0.05f64..0.05) {
         let (b, d) = ([ab * lean.sin(), ab * lean.cos()], [ad, 0.0]);
@@ -90,10 +90,10 @@ fn motors_go_to_the_axes_places_and_hosts_see_what_is_asked() {
     assert_eq!(logical_10nm(&printer), [0; 3]);
     execute(&mut printer, "G1 X100 Y50 Z10 F6000").unwrap();
     assert_eq!(logical_10nm(&printer), [100 * MM, 50 * MM, 10 * MM]);
-    // Worked out by hand: Y 50 + 0.3, X 100 - 0.5 - 10 * (0.02 + 0.01 * 0.03).
+    // Computed by hand: Y 50 + 0.3, X 100 - 0.5 - 10 * (0.02 + 0.01 * 0.03).
     assert_eq!(rig.believed_mm(), [99.297, 50.3, 10.0]);
     assert_eq!(rig.true_mm(), [99.297, 50.3, 10.0]);
-    // A relative move and G92 refer to the asked position.
+    // A relative move and G92 refer to the requested position.
     for line in ["G91", "G1 X1", "G90", "G92 X0"] {
         execute(&mut printer, line).unwrap();
     }
@@ -102,7 +102,7 @@ fn motors_go_to_the_axes_places_and_hosts_see_what_is_asked() {
     assert_eq!(rig.believed_mm(), [99.297, 50.3, 10.0]);
 }
 
-/// Each axis homes alone, to its own place: the rig refuses a seek that turns another one.
+/// Each axis homes alone, to its own position: the rig refuses a seek that turns another axis.
 #[test]
 fn homing_finds_the_places_of_the_axes() {
     for ends in 0..4 {
@@ -124,7 +124,7 @@ fn homing_finds_the_places_of_the_axes() {
         }
         let home = [ends & 1, ends >> 1 & 1].map(|end| f64::from(end) * 200.0);
         assert_eq!(rig.believed_mm(), [home[0], home[1], 0.0]);
-        // Y is at its end: there X is where its axis is, and as far as Y leans.
+        // Y is at its end: there X is where its axis is, shifted by the lean of Y.
         let [x, y, z] = logical_10nm(&printer).map(|units| units as f64 / MM as f64);
         assert_eq!([y, z], [home[1], 0.0]);
         assert!((x - (home[0] + 0.01 * home[1])).abs() < 2e-5, "{x}");
@@ -167,8 +167,8 @@ fn axes_stay_in_their_travel() {
     }
 }
 
-/// M852 and SET_SKEW: the motors stay, the coordinates change; the report has the
-/// factors that were set.
+/// M852 and SET_SKEW: the motors do not move, the coordinates change; the report shows the factors
+/// that were set.
 #[test]
 fn it_is_set_live_and_reported() {
     let rig = Rig::new(|_| {});
@@ -223,8 +223,8 @@ fn an_absurd_skew_is_refused_and_nothing_changes() {
     }
 }
 
-/// Babysteps, a lift and a pause with another skew on the way: coordinates and axes
-/// agree at each end.
+/// Babysteps, a lift and a pause, with a skew that changes in between: coordinates and axes agree
+/// at each end.
 #[test]
 fn a_shift_a_lift_and_a_pause_keep_both_sides() {
     let rig = Rig::new(|profile| {

@@ -1,4 +1,4 @@
-//! Settings that were read: checked together, and put in force.
+//! Settings that were read: checked together, then applied.
 
 use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{AxisShaper, MotionChoice, ShaperKind, StepsPerMm, smooth_ticks};
@@ -13,7 +13,7 @@ use crate::printer::Printer;
 use crate::settings::stored::values::{ToolValues, Values, advance_of};
 
 impl<P: Ports> Printer<'_, P> {
-    /// Sets values that belong together, and do not fit each other, to the profile's.
+    /// Replaces values that do not fit each other by the profile's.
     pub(super) fn check(&self, stored: &mut Stored<PartsOf<P>>) {
         let Stored { values, faults, .. } = stored;
         let mut of_profile = self.profile_values();
@@ -89,7 +89,7 @@ impl<P: Ports> Printer<'_, P> {
         if let Some((offset_10nm, other_10nm)) = offsets {
             for (axis, (length_10nm, other_10nm)) in offset_10nm.iter_mut().zip(other_10nm).enumerate() {
                 let [least, most] = self.probe_range_10nm(axis);
-                // The profile's own value is not judged.
+                // The profile's own value is not checked.
                 if !(least..=most).contains(length_10nm) && *length_10nm != other_10nm {
                     *length_10nm = other_10nm;
                     mend("homing.probe_offset_mm.", AXIS_NAMES[axis].to_ascii_lowercase());
@@ -98,9 +98,9 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Puts settings in force, at standstill, all of them checked. Filters and advance are left
-    /// out: it returns them if they change.
-    // Its parts need much of the stack, one after the other.
+    /// Applies checked settings, at standstill. Filters and advance are left out: they are returned
+    /// if they change.
+    // The parts need much stack, one after the other.
     #[inline(always)]
     pub(super) fn put_in_force(&mut self, values: &Values<PartsOf<P>>) -> Option<MotionChoice> {
         self.put_drivers_in_force(values);
@@ -113,7 +113,7 @@ impl<P: Ports> Printer<'_, P> {
             for (heater, model) in Heater::ALL.iter().zip(models) {
                 if let Some(mut model) = *model {
                     if *heater == Heater::Bed {
-                        // No fan blows at it.
+                        // No fan blows at this heater.
                         model.fanned_loss_w_per_k = model.loss_w_per_k;
                     }
                     self.heating.set_model(*heater, model);
@@ -154,7 +154,7 @@ impl<P: Ports> Printer<'_, P> {
                 self.heating.set_model(Heater::Nozzle1, model);
             }
         }
-        // At standstill it cannot fail.
+        // Cannot fail at standstill.
         let _always_works = self.motion.set_extruder_steps_per_mm(extruder_steps_per_mm);
         self.motion.set_limits(values.limits);
         self.interpreter.modal.retraction = values.retraction;
@@ -173,7 +173,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 }
 
-/// Returns true if the filter can be made, or is off: then only its numbers are stored.
+/// Returns true if the filter is possible, or is off: then only its numbers are stored.
 fn is_possible(shaper: &AxisShaper, smooth_time_s: Option<f64>) -> bool {
     shaper.kind == ShaperKind::None || smooth_ticks(smooth_time_s).and_then(|ticks| shaper.kernel_beside(ticks)).is_ok()
 }

@@ -1,4 +1,4 @@
-//! The measured bed in a memory: entries of eight bytes each, beside those of settings.
+//! The measured bed in a memory: entries of eight bytes each, beside those of the settings.
 //!
 //! | index | bytes |
 //! |---|---|
@@ -15,17 +15,17 @@ use crate::commands::bed::MAX_HEIGHT_10NM;
 use crate::ports::{Motion, Ports, Replies, SettingsMemory};
 use crate::printer::Printer;
 
-/// The name of a mesh in a memory.
+/// Name of a mesh in a memory.
 pub(super) const MESH: u16 = id_of("bed_mesh");
 
-/// The entries before the heights.
+/// Number of entries before the heights.
 const HEAD: u8 = 3;
 
-/// Greatest height of a point, um.
+/// Largest height of a point, um.
 const MAX_HEIGHT_UM: i16 = (MAX_HEIGHT_10NM / 100) as i16;
 
-/// The entries of the heights of a grid: each one's index and its four points; the last of them may
-/// be beyond the grid.
+/// The height entries of a grid: each entry's index and its four points; the last points may be
+/// beyond the grid.
 fn entries_of([columns, rows]: [u8; 2]) -> impl Iterator<Item = (u8, [[u8; 2]; 4])> {
     let (columns, rows) = (u16::from(columns).max(1), u16::from(rows));
     let place = move |number: u16| [(number % columns) as u8, (number / columns) as u8];
@@ -43,7 +43,7 @@ fn of_two(bytes: [u8; 8]) -> [i32; 2] {
     [both as i32, (both >> 32) as i32]
 }
 
-/// Adds a mesh whose points have all their heights. `false`: the record is full.
+/// Adds a mesh whose points all have heights; `false` if the record is full.
 fn add_mesh(mesh: &Mesh, fade_10nm: i32, record: &mut RecordWriter) -> bool {
     let mut add = |index: u8, bytes: [u8; 8]| record.add(Entry { id: MESH, index, value: f64::from_le_bytes(bytes) });
     let grid = mesh.grid();
@@ -59,14 +59,14 @@ fn add_mesh(mesh: &Mesh, fade_10nm: i32, record: &mut RecordWriter) -> bool {
         })
 }
 
-/// The points of a mesh, if this entry has their numbers.
+/// Numbers of points of a mesh, if this entry holds them.
 pub(super) fn points(entry: Entry) -> Option<[u8; 2]> {
     let [columns, rows, ..] = entry.value.to_le_bytes();
     (entry.index == 2).then_some([columns, rows])
 }
 
-/// Copies a stored mesh to a place without points. Returns the height to which Z follows it, units
-/// of 10 nm; `None`: the mesh is not whole, or higher than a bed can be.
+/// Copies a stored mesh into one without points. Returns the height to which Z follows it, units of
+/// 10 nm; `None` if the mesh is incomplete, or higher than a bed can be.
 fn read_mesh(record: Record<'_>, mesh: &mut Mesh, interpolation: MeshInterpolation) -> Option<i32> {
     let bytes_of = |index: u8| {
         let mut entries = record.entries();
@@ -95,7 +95,7 @@ fn read_mesh(record: Record<'_>, mesh: &mut Mesh, interpolation: MeshInterpolati
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Adds the mesh, if all its points have their heights. `false`: the record is full.
+    /// Adds the mesh, if all its points have heights; `false` if the record is full.
     #[inline(never)]
     pub(super) fn add_mesh(&mut self, record: &mut RecordWriter) -> bool {
         if !self.has_bed() {
@@ -106,8 +106,8 @@ impl<P: Ports> Printer<'_, P> {
         self.motion.mesh(add).unwrap_or(true)
     }
 
-    /// Reads the stored mesh, which Z does not follow before M420 S1. A mesh that is not whole is
-    /// refused with a message.
+    /// Reads the stored mesh, which Z does not follow before M420 S1. An incomplete mesh is refused
+    /// with a message.
     #[inline(never)]
     pub(super) fn load_mesh(&mut self, memory: &dyn SettingsMemory, stored: &Stored<PartsOf<P>>) {
         if !self.has_bed() {
@@ -131,7 +131,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// M503: what mesh there is, in a comment.
+    /// Reports the present mesh for M503, in a comment.
     #[inline(never)]
     pub(super) fn report_stored_mesh(&mut self) {
         let points = self.motion.mesh(|mesh| mesh.is_complete().then(|| mesh.grid().points)).flatten();
@@ -148,7 +148,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The points of a grid, in their order.
+    /// The points of a grid, in order.
     fn points_of([columns, rows]: [u8; 2]) -> impl Iterator<Item = [u8; 2]> {
         (0..rows).flat_map(move |row| (0..columns).map(move |column| [column, row]))
     }
@@ -218,7 +218,7 @@ mod tests {
             }
         }
 
-        /// An entry that is missing is noticed.
+        /// A missing entry is noticed.
         #[test]
         fn a_mesh_without_one_entry_is_none(points in [2..=15_u8, 2..=15_u8], missing in any::<prop::sample::Index>()) {
             let grid = MeshGrid { from_10nm: [0; 2], spacing_10nm: [100; 2], points };

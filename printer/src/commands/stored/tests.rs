@@ -1,4 +1,4 @@
-//! Settings on a machine with a probe and four drivers that can be set.
+//! Settings of a machine with a probe and four configurable drivers.
 
 mod models;
 mod tool_drivers;
@@ -57,7 +57,7 @@ impl<const N: usize> MotorDrivers for Bank<N> {
     }
 }
 
-/// A memory in two sectors, whose power a test may take away.
+/// A memory in two sectors, whose power a test may cut.
 #[derive(Debug)]
 struct Memory(RefCell<Store<MemoryFlash<Vec<u8>, SECTOR>>>);
 
@@ -66,7 +66,7 @@ impl Memory {
         Self(RefCell::new(Store::new(MemoryFlash::new(vec![0xff; 2 * SECTOR])).unwrap()))
     }
 
-    /// One that contains these values of this profile.
+    /// A memory that contains these values of this profile.
     fn with(profile: &str, entries: &[(&str, u8, f64)]) -> Self {
         let memory = Self::new();
         let mut record = RecordWriter::new(profile);
@@ -162,7 +162,7 @@ fn changed(rig: &Rig, printer: &mut RigPrinter<'_>) -> Values<(crate::Present, c
         execute(printer, line).unwrap();
     }
     let (values, mut of_profile) = (printer.live_values(), printer.profile_values());
-    // None has been left out but M569 of Y, which is as it was.
+    // No setting is left out except M569 of Y, which is unchanged.
     let mut live = values;
     for (setting, index) in super::all_values() {
         let [value, other] =
@@ -177,7 +177,7 @@ fn changed(rig: &Rig, printer: &mut RigPrinter<'_>) -> Values<(crate::Present, c
     values
 }
 
-/// The lines that M503 prints, sent back, make the same machine.
+/// The lines that M503 prints configure the same machine when sent back.
 #[test]
 fn reported_lines_work_when_sent_back() {
     let (rig, bank) = rig();
@@ -218,7 +218,7 @@ fn reported_lines_work_when_sent_back() {
     );
     execute(&mut printer, "M502").unwrap();
     assert_eq!(printer.live_values(), printer.profile_values());
-    // Also where lengths are inches at the time.
+    // This also works while lengths are in inches.
     execute(&mut printer, "G20").unwrap();
     for line in &commands {
         execute(&mut printer, line).unwrap();
@@ -228,7 +228,7 @@ fn reported_lines_work_when_sent_back() {
     assert_eq!(short, commands.iter().map(|line| format!("echo:  {line}")).collect::<Vec<_>>());
 }
 
-/// The profile's own settings, sent back, have no effect.
+/// The profile's own settings have no effect when sent back.
 #[test]
 fn a_machine_without_probe_and_drivers_reports_what_it_has() {
     let rig = Rig::new(usual);
@@ -273,8 +273,8 @@ fn settings_survive_the_power() {
     assert_eq!(said[7], "echo:stored settings retrieved (68 values, 0 faults)");
     assert_eq!(after.live_values(), values);
     assert_eq!(says(&rig_after, &mut after, "M504"), ["echo:M504: stored are 68 values, 0 faults"]);
-    // M502 leaves the memory, M501 returns to it, M500 after M502 stores settings
-    // without differences.
+    // M502 leaves the memory unchanged, M501 returns to it, M500 after M502 stores settings without
+    // differences.
     assert_eq!(says(&rig_after, &mut after, "M502"), ["echo:Hardcoded Default Settings Loaded"]);
     assert_eq!(after.live_values(), after.profile_values());
     execute(&mut after, "M501").unwrap();
@@ -286,7 +286,7 @@ fn settings_survive_the_power() {
     assert_eq!(after.live_values(), after.profile_values());
 }
 
-/// Statistics are stored when a print is complete, and the settings stay as M500 has stored them.
+/// Statistics are stored when a print is complete; the settings stay as M500 stored them.
 #[test]
 fn statistics_survive_the_power_without_m500() {
     let (rig_before, bank) = rig();
@@ -302,7 +302,7 @@ fn statistics_survive_the_power_without_m500() {
     assert_eq!(after.live_values().limits.max_feed_mm_per_s[0], 77.0);
     let said = says(&rig_after, &mut after, "M78");
     assert!(said[0].starts_with("Stats: Prints: 1, Finished: 1, Failed: 0\n"), "{said:?}");
-    // Loading settings again does not take a print back.
+    // Loading settings again does not undo a counted print.
     for line in ["M75", "M77", "M501", "M502", "M500"] {
         execute(&mut after, line).unwrap();
     }
@@ -312,7 +312,7 @@ fn statistics_survive_the_power_without_m500() {
     assert!(says(&rig_after, &mut again, "M78")[0].starts_with("Stats: Prints: 2, Finished: 2, Failed: 0\n"));
 }
 
-/// A better profile's values come into force where no others were set.
+/// A better profile's values apply where no others were set.
 #[test]
 fn an_update_brings_its_profile_and_keeps_what_was_set() {
     let (rig_before, bank) = rig();
@@ -331,8 +331,8 @@ fn an_update_brings_its_profile_and_keeps_what_was_set() {
     assert_eq!((values.limits.junction_deviation_mm, values.advance[0]), (0.033, Some(0.05)));
 }
 
-/// A value out of range is named, and the profile's replaces it; the rest is kept. Settings of
-/// another version are passed over.
+/// A value out of range is named and replaced by the profile's; the rest is kept. Settings of
+/// another version are skipped.
 #[test]
 fn a_value_out_of_range_costs_itself_alone() {
     let stored = [
@@ -440,7 +440,8 @@ fn settings_change_at_standstill() {
     }
 }
 
-/// Memories know settings by what their names hash to: none may share it, and no name may change.
+/// Memories identify settings by the hashes of their names: no two may share one, and no name may
+/// change.
 #[test]
 fn names_are_distinct_and_stay() {
     let mut names: Vec<&str> = Group::<(crate::Present, crate::Present, crate::Present)>::all()
@@ -528,8 +529,8 @@ fn names_are_distinct_and_stay() {
     ids.dedup();
     assert_eq!(ids.len(), names.len(), "two names have the same id: change the new one");
     let statistics = Statistics::default().numbers_mut().len();
-    // Those of a second tool and of play fit where not all of the others differ from the profile's;
-    // M500 says it where they do not.
+    // The values of a second tool and of backlash fit only if not all others differ from the
+    // profile's; otherwise M500 says so.
     let optional = ["tools.", "backlash."];
     let of_parts =
         super::all_values().filter(|(setting, _)| optional.iter().any(|part| setting.name.starts_with(part)));

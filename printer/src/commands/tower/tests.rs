@@ -1,4 +1,4 @@
-//! A value that changes with the height, at a machine.
+//! A value that changes with the height, on a machine.
 #![allow(clippy::unwrap_used)]
 
 use std::format;
@@ -74,7 +74,7 @@ fn every_live_value_has_its_tower() {
         ("M208", "S", |printer, _| printer.interpreter.modal.retraction.extra_recover_10nm as f64 / 100_000.0),
     ];
     for (command, parameter, set) in cases {
-        // Whole numbers where percents or temperatures are meant.
+        // Whole numbers for percents and temperatures.
         let (start, factor) = match parameter {
             "K" | "L" | "D" | "DAMPING_RATIO_X" | "ADVANCE" => ("0.1", "0.1"),
             "S" if command == "M572" => ("0.1", "0.1"),
@@ -91,7 +91,8 @@ fn every_live_value_has_its_tower() {
     }
 }
 
-/// A travel, a lift, a retraction, an extrusion in the air and a repeated height do not change it.
+/// A travel, a lift, a retraction, an extrusion in the air and a repeated height do not change the
+/// value.
 #[test]
 fn only_lines_that_print_at_a_new_height_change_it() {
     let rig = Rig::new(|_| {});
@@ -259,7 +260,7 @@ fn a_halt_and_a_prepared_job_end_it() {
 }
 
 proptest! {
-    /// No words and no height make it panic, and the value is the formula's where that is a number.
+    /// No words and no height cause a panic, and the value is the formula's where that is a number.
     #[test]
     fn values_of_any_words(
         start in any::<i64>(), change in any::<i64>(), size in 1..i64::MAX, skip in 0..i64::MAX,

@@ -1,4 +1,4 @@
-//! M301, M303 and M304 at a machine whose heaters are models.
+//! M301, M303 and M304 on a machine whose heaters are models.
 #![allow(clippy::unwrap_used)]
 
 use core::cell::{Cell, RefCell};
@@ -76,7 +76,7 @@ impl World {
         self.texts.take()
     }
 
-    /// The time since the start, ms.
+    /// Time since the start, ms.
     pub(crate) fn now_ms(&self) -> u64 {
         self.now_ms.get()
     }
@@ -161,7 +161,8 @@ impl Heating for Warm<'_> {
     }
 }
 
-/// Time passes while a command waits: once for each call, so that a test can act in between.
+/// Clock on which time passes while a command waits, once per call, so that a test can act in
+/// between.
 #[derive(Clone)]
 pub(crate) struct Time<'a>(&'a World);
 
@@ -275,7 +276,7 @@ fn an_autotune_reports_its_cycles_and_the_gains_and_sets_them_only_with_u() {
         assert_eq!(after != before, uses);
         assert!(!uses || (after.proportional * 255.0 - number(p)).abs() < 1e-3);
         assert_eq!((world.target(Heater::Nozzle), world.target(Heater::Bed)), (0.0, 0.0), "the heater is off");
-        // The line that it has said sets the same.
+        // The reported line sets the same values.
         let line = m301.strip_prefix("echo:").unwrap();
         assert_eq!(say(&world, line), ["ok"]);
         assert_eq!(say(&world, "M301"), vec![m301.clone(), "ok".to_owned()]);
@@ -416,7 +417,7 @@ fn m303_finds_the_gains_of_a_chamber() {
     assert!(last.starts_with("echo:chamber: proportional = ") && ok == "ok", "{said:?}");
     let found = world.gains(Heater::Chamber);
     assert!(found != before && world.target(Heater::Chamber) == 0.0);
-    // The line that it has said sets the same.
+    // The reported line sets the same values.
     assert_eq!(say(&world, m309.strip_prefix("echo:").unwrap()), ["ok"]);
     assert_eq!(say(&world, "M309"), vec![m309.clone(), String::from("ok")]);
     assert_eq!(say(&world, "M309 P25.5 I0.255 D0"), ["ok"]);

@@ -1,4 +1,4 @@
-//! M851 and M290 on a machine with a probe and on one without.
+//! M851 and M290 on machines with and without a probe.
 
 use crate::error::{CommandError, Failure};
 use crate::motion::homing::tests::rig::{Event, MM, Rig, RigPrinter, execute};
@@ -24,7 +24,7 @@ fn out_of_range(outcome: Result<(), Failure>) -> [f64; 2] {
     }
 }
 
-/// Homed, and where a print would begin.
+/// A homed machine, where a print would begin.
 fn at_z0(rig: &Rig) -> RigPrinter<'_> {
     let mut printer = rig.printer();
     for line in ["G28", "G1 Z0 F600"] {
@@ -54,7 +54,7 @@ fn an_offset_is_told_and_set() {
     assert!(matches!(execute(&mut rig.printer(), "M851"), Err(Failure::Command(CommandError::NotEquipped(_)))));
 }
 
-/// The nozzle goes down at once, the G-code's Z stays, and the next homing keeps the height.
+/// The nozzle moves down at once, the G-code's Z stays, and the next homing keeps the height.
 #[test]
 fn a_shift_moves_the_nozzle_under_the_g_code_and_is_kept() {
     let rig = rig(0);
@@ -70,7 +70,7 @@ fn a_shift_moves_the_nozzle_under_the_g_code_and_is_kept() {
     rig.last_texts();
     execute(&mut printer, "M290").unwrap();
     assert_eq!(rig.last_texts(), ["echo:Probe Offset Z-0.20", "echo:Babystep Z-0.20"]);
-    // The same height again, by the offset and without a shift.
+    // The same height again, from the offset and without a shift.
     for line in ["G28 Z", "G1 Z0.2"] {
         execute(&mut printer, line).unwrap();
     }
@@ -93,7 +93,7 @@ fn a_shift_has_limits() {
         execute(&mut printer, line).unwrap();
     }
     assert_eq!(out_of_range(execute(&mut printer, "M290 Z-0.5")), [-0.4, 3.6]);
-    // Beside a prepared job it is refused, and the job continues.
+    // During a prepared job the shift is refused, and the job continues.
     printer.interpreter.modal.in_prepared_job = true;
     assert_eq!(execute(&mut printer, "M290 Z0.1"), Err(Failure::Command(CommandError::ShiftsNoJob)));
     printer.interpreter.modal.in_prepared_job = false;
@@ -102,14 +102,14 @@ fn a_shift_has_limits() {
         assert!(rig.last_texts().concat().contains("M290 shifts only Z"), "{line}");
     }
     assert_eq!((rig.true_mm()[2], printer.interpreter.modal.z.shift_10nm), (-0.5 - 1.6, -160_000));
-    // Nor may the offset leave its range with it.
+    // The offset must not leave its range either.
     execute(&mut printer, "M851 Z-9.9").unwrap();
     execute(&mut printer, "G28 Z").unwrap();
     assert_eq!(out_of_range(execute(&mut printer, "M290 Z-0.2")), [-0.1, 14.9]);
     execute(&mut printer, "M290 Z-0.2 P0").unwrap();
 }
 
-/// A lift, a stop and the upper end of the travel keep to it.
+/// A lift, a stop and the upper end of the travel preserve the shift.
 #[test]
 fn a_shift_lasts_through_lifts_and_stays_below_the_top() {
     let rig = Rig::new(|profile| {
@@ -129,12 +129,12 @@ fn a_shift_lasts_through_lifts_and_stays_below_the_top() {
     assert_eq!(rig.true_mm()[2], 200.0);
     execute(&mut printer, "G1 Z100").unwrap();
     assert_eq!(rig.true_mm()[2], 100.5);
-    // Homing another axis keeps it as well.
+    // Homing another axis preserves it as well.
     execute(&mut printer, "G28 X").unwrap();
     assert_eq!((rig.believed_mm()[2], printer.interpreter.modal.machine_10nm[2]), (100.5, 100 * MM));
 }
 
-/// Klipper's offset: the nozzle follows with its next move along Z, and homing leaves it.
+/// Klipper's offset: the nozzle follows with its next move along Z, and homing preserves it.
 #[test]
 fn an_offset_is_followed_by_the_next_move_along_z() {
     let rig = Rig::new(|_| ());
@@ -145,7 +145,7 @@ fn an_offset_is_followed_by_the_next_move_along_z() {
     assert_eq!((rig.true_mm()[2], printer.logical_10nm()[2]), (0.0, 500));
     execute(&mut printer, "G1 X30 Z0.2").unwrap();
     assert_eq!((rig.true_mm()[2], printer.logical_10nm()[2]), (0.195, 20_000));
-    // At once, and added; in mm whatever the unit.
+    // Moved at once, and added; in mm whatever the unit.
     for line in ["G20", "SET_GCODE_OFFSET Z_ADJUST=0.105 MOVE=1", "G21"] {
         execute(&mut printer, line).unwrap();
     }
@@ -166,7 +166,7 @@ fn an_offset_before_homing_lasts_through_it() {
     for line in ["SET_GCODE_OFFSET Z=0.1 MOVE=1", "G28", "G1 X20 F3000"] {
         execute(&mut printer, line).unwrap();
     }
-    // The nozzle stays at home, which the G-code sees 0.1 mm lower: no limit draws it up.
+    // The nozzle stays at home, which the G-code sees 0.1 mm lower: no limit raises it.
     assert_eq!((rig.true_mm()[2], printer.logical_10nm()[2], printer.tally().clamped_moves), (0.0, -10_000, 0));
     for line in ["G1 Z0.2", "G28 Z", "G1 Z0.2", "M290 Z0.05", "G28 Z", "G1 Z0.2"] {
         execute(&mut printer, line).unwrap();

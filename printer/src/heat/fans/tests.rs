@@ -1,4 +1,4 @@
-//! Powers of the fans, and detection of fans that do not turn.
+//! Powers of the fans, and detection of stalled fans.
 
 use super::*;
 
@@ -34,7 +34,7 @@ impl World {
         for (output, fan) in fans {
             table[output.index()] = Some(*fan);
         }
-        // A count that wraps soon.
+        // A pulse count that wraps soon.
         let board = Board { powers: [0; FanOutput::COUNT], pulses: 65_500.0 };
         let heated = Heated {
             nozzle_celsius: Some(25.0),
@@ -46,7 +46,7 @@ impl World {
         Self { table, demand: FanDemand::default(), heated, control: FanControl::new(), board }
     }
 
-    /// The powers of a fan in this many samples.
+    /// Powers of a fan over this many samples.
     fn powers(&mut self, fan: FanOutput, samples: usize) -> Vec<u8> {
         let sample = |_| {
             self.control.update(&self.table, &self.demand, &self.heated, &mut self.board);
@@ -67,7 +67,7 @@ impl World {
 #[test]
 fn the_hot_end_s_fan_turns_above_a_hot_nozzle() {
     let mut world = World::new(&[]);
-    // Between the two bounds it turns until a reading says that the nozzle is cold.
+    // Between the two bounds the fan turns until a reading shows that the nozzle is cold.
     let celsius = [49.9, 20.0, 49.9, 50.0, 49.9, 45.0, 44.9, 49.9];
     let turns = celsius.map(|celsius| {
         world.heated.nozzle_celsius = Some(celsius);
@@ -95,7 +95,7 @@ fn a_fan_starts_with_a_kick_and_gets_its_least_power() {
     assert_eq!(powers(10, 2), [40, 40], "it turns already: no kick");
     assert_eq!(powers(0, 2), [0, 0], "off is off");
     assert_eq!(powers(10, 4), [255, 255, 255, 40]);
-    // Off in the midst of a kick.
+    // Switched off in the middle of a kick start.
     assert_eq!(powers(0, 1), [0]);
     assert_eq!(powers(10, 1), [255]);
     assert_eq!(powers(0, 1), [0]);
@@ -114,7 +114,7 @@ fn a_controller_s_fan_turns_with_motors_or_bed_and_a_while_after() {
     assert_eq!(on(&world.powers(FanOutput::Fan2, 5 * A_SECOND)), 2 * A_SECOND - 1);
     world.heated.bed_is_on = true;
     assert_eq!(on(&world.powers(FanOutput::Fan2, A_SECOND)), A_SECOND);
-    // No command reaches it.
+    // Commands do not affect it.
     world.demand.powers = [9; FanOutput::COUNT];
     assert_eq!(on(&world.powers(FanOutput::Fan2, A_SECOND)), A_SECOND);
 }
@@ -133,7 +133,7 @@ fn a_fan_that_stands_is_found_and_one_that_turns_is_not() {
     let hot_end = FanSettings { least_rpm: 1000, ..FanSettings::HOT_END };
     let mut world = World::new(&[(FanOutput::HotEnd, hot_end)]);
     let stalled = |world: &World| world.control.stalled();
-    // Without power it need not turn.
+    // Without power the fan need not turn.
     world.turn(0.0, 30.0);
     assert_eq!((stalled(&world), world.control.rpm(FanOutput::HotEnd)), (None, Some(0)));
     world.heated.nozzle_celsius = Some(210.0);
@@ -141,10 +141,10 @@ fn a_fan_that_stands_is_found_and_one_that_turns_is_not() {
     assert_eq!(stalled(&world), None);
     let rpm = world.control.rpm(FanOutput::HotEnd).unwrap();
     assert!((4_950..=5_050).contains(&rpm), "{rpm}");
-    // A fan that does not turn: known within two windows, and not before the first could end.
+    // A stalled fan is detected within two windows, and not before the first could end.
     world.turn(0.0, 4.5);
     assert_eq!(stalled(&world), Some(FanOutput::HotEnd));
-    // Switched off it still counts as failed; once it turns it counts as sound.
+    // A fan that is switched off still counts as failed; once it turns it counts as sound.
     world.heated.nozzle_celsius = Some(20.0);
     world.turn(0.0, 10.0);
     assert_eq!(stalled(&world), Some(FanOutput::HotEnd));
@@ -198,7 +198,7 @@ fn an_output_is_no_fan() {
     assert_eq!(world.powers(FanOutput::Fan3, 1), [255], "a relay has no half");
     world.demand.powers = [0; FanOutput::COUNT];
     assert_eq!(world.powers(FanOutput::Fan3, 1), [0]);
-    // A fault lets fans blow; outputs have their values for a halt.
+    // In a fault the fans blow; outputs get their values for a halt.
     (world.heated.is_halted, world.heated.has_fault) = (true, true);
     world.demand.powers = [0, 0, 40, 255, 0, 0];
     assert_eq!(world.powers(FanOutput::Fan2, 1), [255]);

@@ -1,20 +1,20 @@
-//! Detection of a fan that does not turn, by its tachometer.
+//! Detection of a stalled fan by its tachometer.
 
 use crate::heat::sample_time::SAMPLE_MS;
 
-/// Pulses are counted over this long, samples: 2 s, so that 30 turns a minute make two.
+/// Window in which pulses are counted, samples: 2 s, so that 30 turns a minute make two.
 const WINDOW: u16 = (2_000 / SAMPLE_MS) as u16;
-/// A fan that has got full power may take this long to reach its speed, samples: 3 s.
+/// Time that a fan at full power may take to reach its speed, samples: 3 s.
 const SPIN_UP: u16 = (3_000 / SAMPLE_MS) as u16;
-/// Turns a minute for each pulse in a window: two pulses a turn.
+/// Turns a minute per pulse in a window: two pulses a turn.
 const RPM_A_PULSE: u32 = 60_000 / (WINDOW as u32 * SAMPLE_MS) / 2;
 
-/// Counts a fan's pulses, and judges it where it has had full power for long enough. With less
-/// power a fan that is switched at its ground has no supply for its tachometer between the
-/// pulses of the power.
+/// Counts a fan's pulses, and judges the fan once it has had full power for long enough. With less
+/// power, a fan that is switched at its ground has no supply for its tachometer between the power
+/// pulses.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TurnWatch {
-    /// The count at the beginning of the window.
+    /// Pulse count at the beginning of the window.
     pulses: u16,
     /// Samples since then.
     samples: u16,
@@ -30,7 +30,7 @@ impl TurnWatch {
     }
 
     /// Takes a sample of the tachometer's count, modulo 2^16. A speed below `least_rpm` at full
-    /// power is a fault; 0 sets no bound.
+    /// power is a fault; 0 means no bound.
     pub fn look(&mut self, least_rpm: u16, has_full_power: bool, pulses: Option<u16>) {
         let Some(pulses) = pulses else { return };
         if !has_full_power {
@@ -59,7 +59,7 @@ impl TurnWatch {
         self.rpm
     }
 
-    /// Returns true if it was too slow when it was last judged.
+    /// Returns true if the fan was too slow when last judged.
     pub const fn is_stalled(&self) -> bool {
         self.is_stalled
     }

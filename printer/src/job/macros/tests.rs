@@ -28,9 +28,9 @@ fn words_of_the_call_go_before_defaults() {
 fn words_that_are_missing_unknown_or_too_long_end_it() {
     for (text, error) in [
         ("START", "START: expected NOZZLE"),
-        ("START NOZZLE=1 BET=60", "START: unknown word \"BET=60\", expected some of BED=60 NOZZLE"),
-        ("START NOZZLE=", "START: unknown word \"NOZZLE=\", expected some of BED=60 NOZZLE"),
-        ("PARK X1", "PARK: unknown word \"X1\", the macro has none"),
+        ("START NOZZLE=1 BET=60", "START: unknown word \"BET=60\", expected one or more of BED=60 NOZZLE"),
+        ("START NOZZLE=", "START: unknown word \"NOZZLE=\", expected one or more of BED=60 NOZZLE"),
+        ("PARK X1", "PARK: unknown word \"X1\", the macro takes no words"),
     ] {
         assert_eq!(lines(text), (vec![], Some(error.to_owned())));
     }

@@ -150,11 +150,11 @@ fn forbidden_moves_stop_on_the_path() {
     let mut broken = hand_made::job(hash, &moves);
     let last = broken.len() - 1;
     broken[last] ^= 1;
-    stops(broken, Word::Stopped, 2, "bits have changed");
+    stops(broken, Word::Stopped, 2, "damaged: its checksum");
     let mut cut = hand_made::job(hash, &moves);
     cut.truncate(cut.len() - 3);
-    stops(cut, Word::Stopped, 2, "the file ends too early");
-    stops(b"G28\nG1 X10 F3000\n".repeat(9), Word::Refused, 0, "not a GPRE file");
+    stops(cut, Word::Stopped, 2, "the file is cut short");
+    stops(b"G28\nG1 X10 F3000\n".repeat(9), Word::Refused, 0, "not a prepared job");
 }
 
 #[test]

@@ -114,7 +114,7 @@ fn staged(project: &str, texts: &str, manifest: &Path) -> Result<String, Failure
             return Err(format!("{SOURCES}/pyproject.toml: {:?} is expected in it once", part.trim_end()));
         }
     }
-    let manifest = manifest.to_str().ok_or_else(|| format!("{}: the path is no text", manifest.display()))?;
+    let manifest = manifest.to_str().ok_or_else(|| format!("{}: the path is not Unicode text", manifest.display()))?;
     let project = project.replace(&format!("\"{MANIFEST}\""), &toml::Value::from(manifest).to_string());
     Ok(project.replace(LICENCE, &format!("{LICENCE}license-files = [{texts}]\n")))
 }

@@ -16,7 +16,7 @@ pub struct ItemWriter {
     pub bits: BitWriter,
     /// Number of items.
     pub count: u64,
-    /// Source line of the last.
+    /// Source line of the last item.
     pub line: u32,
     feed: f32,
     lambda: f32,

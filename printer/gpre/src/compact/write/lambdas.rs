@@ -9,8 +9,7 @@ use crate::compact::shape::{PATH_NONE, PLACES, prediction};
 /// A prediction this far off, in the filament's unit, is a good one.
 const GOOD: i64 = 3;
 
-/// Chooses a lambda for each move that pushes filament along a path: as few different ones, and
-/// as good, as pays.
+/// Chooses a lambda for each move that pushes filament along a path: as few and as exact as pays.
 pub fn lambdas(steps: &[Steps]) -> Vec<f32> {
     let mut chosen = Vec::with_capacity(steps.len());
     let mut known: Vec<f32> = Vec::new();

@@ -20,7 +20,7 @@ pub enum Waiting {
     Modal(ModalState),
 }
 
-/// Place of the machine between two items.
+/// State of the machine between two items.
 #[derive(Clone, Copy, Debug)]
 pub struct Place {
     pub position_10nm: [i64; 3],

@@ -1,4 +1,4 @@
-//! M306 and M303 of T1's own nozzle.
+//! M306 and M303 of T1's separate nozzle.
 
 use ferrostep_hal_shim::{FanOutput, SpareConnector};
 
@@ -6,7 +6,7 @@ use super::*;
 use crate::settings::profile::tools::tests::{second, two};
 use crate::settings::profile::tools::{FurtherTool, ToolHeater};
 
-/// T0 is held by a PID loop; T1 has its own nozzle and fan, and perhaps its own model.
+/// T0 has a PID loop; T1 has a separate nozzle and fan, and optionally a model.
 fn world(control_model: Option<HeaterModel>) -> World {
     World::with(|profile| {
         let connector = SpareConnector::Nozzle1;
@@ -24,7 +24,7 @@ fn t1_has_a_model_of_its_own() {
     let of_second = "echo:M306 E1 P40 C16.7 R0.22 A0.068 F0.097 H0.0056";
     assert_eq!(say(&world, "M306 E1"), [of_second, "ok"]);
     assert!(say(&world, "M306 E0")[0].contains("a PID loop controls this heater"));
-    // Without E the selected one's.
+    // Without E, the selected nozzle.
     assert!(say(&world, "M306")[0].contains("a PID loop controls this heater"));
     let mut printer = world.printer();
     assert!(execute(&world, &mut printer, "T1 S1", |_| {}));
@@ -39,7 +39,7 @@ fn t1_has_a_model_of_its_own() {
     assert!(say(&world, "M306 E1 F0.05")[0].contains("F: 0.05 is out of range"));
 }
 
-/// The plant is that of T0, and no fan of its model blows at it.
+/// The plant is that of T0, without the fan of T0's model.
 #[test]
 fn its_model_is_found_with_its_own_fan() {
     for (line, target) in [("M306 E1 T", 200.0), ("M303 E1 S180 U", 180.0)] {
@@ -82,7 +82,7 @@ fn the_gains_of_t1_are_found_with_its_own_fan() {
     assert!(said.iter().any(|text| text.starts_with("echo:M301 E1 P")), "{said:?}");
 }
 
-/// Melted filament cools the selected nozzle: there the loop gives more power at once.
+/// Melting filament cools the selected nozzle: its loop raises the power at once.
 #[test]
 fn filament_counts_at_the_selected_nozzle() {
     use crate::heat::control::HeatControl;

@@ -57,7 +57,7 @@ fn models_are_stored_in_the_place_of_gains() {
         assert!(said.iter().any(|line| line.contains(why)), "{said:?}");
         assert_eq!(printer.heating.model(Heater::Nozzle), Some(model), "{name}");
     }
-    // A machine without models takes them for values of another machine.
+    // A machine without models takes the values for those of another machine.
     let other = Rig::new(usual);
     let mut printer = printer(&other, &bank, Some(&memory));
     printer.restore_settings();

@@ -29,10 +29,10 @@ fn e_is_the_motor_of_the_tool() {
         ("M906 T1 E700", [350, 700]),
         ("M906 E400", [400, 700]),
         ("T1", [400, 700]),
-        // Without T the selected one's.
+        // Without T, the selected tool's motor.
         ("M906 E500", [400, 500]),
         ("M906 T0 E450", [450, 500]),
-        // None of a line's drivers changes if one cannot be set, or the tool does not exist.
+        // If one driver of a line cannot be set, or the tool does not exist, none of them changes.
         ("M906 T1 X600 E1000", [450, 500]),
         ("M906 T2 E300", [450, 500]),
         ("T0", [450, 500]),
@@ -99,13 +99,13 @@ fn current_and_choppers_of_t1_survive_the_power() {
     printer.set_settings_memory(&memory);
     printer.restore_settings();
     let second = bank.0[SECOND_EXTRUDER].get();
-    // A stall threshold has a use for homing axes alone.
+    // A stall threshold is only useful for homing axes.
     let expected = DriverSettings { current_ma: 600, stealth_chop: false, spread_cycle_above_mm_per_s: 25, ..DRIVER };
     assert_eq!(second, expected);
     assert_eq!(bank.0[3].get(), DRIVER);
     execute(&mut printer, "M502").unwrap();
     assert_eq!(bank.0[SECOND_EXTRUDER].get(), DRIVER);
-    // One that the board cannot make is the profile's.
+    // A value that the board cannot make is replaced by the profile's.
     let memory = Memory::with(rig.printer().profile.name, &[("tools.t1.driver.current_ma", 0, 2000.0)]);
     printer.set_settings_memory(&memory);
     printer.restore_settings();
