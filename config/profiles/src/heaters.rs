@@ -264,12 +264,17 @@ fn heater_of(table: &Section<'_>, name: &'static str, kind: &Kind<'_>) -> Heater
     }
 }
 
+/// The number that a person would write for this one: 0.001 rather than 0.0010000000474974513.
+fn decimal(number: f32) -> f64 {
+    number.to_string().parse().unwrap_or(number.into())
+}
+
 /// The gains of a heater's control loop.
 fn gains(heater: &Section<'_>, kind: &Kind<'_>) -> PidGains {
     let gain = |key, range, about: &'static str, default: fn(&PidGains) -> f32| {
         let field = heater.number(key, range);
         match (&kind.control, kind.base) {
-            (Some(control), _) => field.or(default(&control.gains).into(), about) as f32,
+            (Some(control), _) => field.or(decimal(default(&control.gains)), about) as f32,
             (None, Some(base)) => field.optional(OF_FIRST, about).map_or(default(&base.gains), |gain| gain as f32),
             (None, None) => field.required(about) as f32,
         }
