@@ -1,4 +1,4 @@
-//! Computes what each shaper leaves of a measured vibration.
+//! Compares shapers by the share of a measured vibration that each leaves.
 
 use ferrostep_simulator::shapers::{Shaper, ShaperKind};
 use serde::Serialize;
@@ -6,15 +6,15 @@ use serde::Serialize;
 use crate::mode::Mode;
 use crate::spectrum::Spectrum;
 
-/// Frequencies of vibrations that count, Hz: a print shows lower ones not as ringing, and
-/// higher ones hardly.
+/// Range of the vibrations that count, Hz: in a print, lower frequencies do not show as ringing,
+/// and higher ones hardly show.
 const COUNTED_HZ: [f64; 2] = [5.0, 200.0];
 
-/// Part of the highest density below which a density counts as the movement that shook the frame,
-/// not as its vibration.
+/// Fraction of the highest density below which a density counts as part of the movement that shook
+/// the frame, not as its vibration.
 const COUNTED_PART: f64 = 0.05;
 
-/// The kinds that are compared, the shortest first.
+/// Kinds of shapers that are compared, shortest first.
 const KINDS: [ShaperKind; 7] = [
     ShaperKind::Zv,
     ShaperKind::Mzv,
@@ -25,67 +25,67 @@ const KINDS: [ShaperKind; 7] = [
     ShaperKind::ThreeHumpEi,
 ];
 
-/// A frame is taken to change by at least this part of its frequency from print to print.
+/// Minimum change of a frame's frequency from print to print to allow for, as a fraction.
 const LEAST_CHANGE: f64 = 0.02;
 
-/// A shaper that leaves no more than this of the vibration is good enough.
+/// Maximum share of the vibration that a good shaper leaves.
 const GOOD: f64 = 0.05;
 
-/// A frequency is tried each time the one before times this.
+/// Ratio of consecutive frequencies that are tried.
 const NEXT_FREQUENCY: f64 = 1.004;
 
 /// Effect of a shaper on the measured frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Score {
-    /// The name in a profile.
+    /// Name of the shaper in a profile.
     pub kind: String,
-    /// The frequency to make it for, Hz: that at which it leaves least.
+    /// Frequency to make the shaper for, Hz: the one at which it leaves least.
     pub frequency_hz: f64,
-    /// Amplitude that it leaves of the recorded vibration, as a part: the worst of the frame as
-    /// measured, and of one that is stiffer or softer by [`Comparison::change`].
+    /// Share of the recorded vibration's amplitude that the shaper leaves: the worst of the frame
+    /// as measured, and of one stiffer or softer by [`Comparison::change`].
     pub left: f64,
     /// Rounding of a curve for each mm/s^2 of acceleration, s^2: half the shaper's variance.
     pub rounding_s2: f64,
 }
 
-/// The shapers, the shortest first, and the one to take.
+/// Scores of the shapers, shortest first, and the one to use.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
-    /// Damping ratio that all are made for.
+    /// Damping ratio that all shapers are made for, within their ranges.
     pub damping: f64,
-    /// Change of the frame's frequency to allow for, as a part of it.
+    /// Change of the frame's frequency to allow for, as a fraction.
     pub change: f64,
-    /// Each kind with its best frequency.
+    /// Score of each kind at its best frequency.
     pub scores: Vec<Score>,
-    /// The score to take.
+    /// Choice of the score to use.
     pub choice: Choice,
 }
 
 impl Comparison {
-    /// The damping ratio that a score's shaper is made for.
+    /// Returns the damping ratio that a score's shaper is made for.
     pub fn damping_of(&self, score: &Score) -> f64 {
         let kind: Option<ShaperKind> = score.kind.parse().ok();
         kind.map_or(self.damping, |kind| self.damping.min(kind.max_damping()))
     }
 
-    /// The shaper of a score.
+    /// Returns the shaper of a score.
     pub fn shaper(&self, score: &Score) -> Option<Shaper> {
         Shaper::new(score.kind.parse().ok()?, score.frequency_hz, self.damping_of(score)).ok()
     }
 }
 
-/// The shaper to take.
+/// Choice of the shaper to use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "reason", content = "index")]
 pub enum Choice {
-    /// Index of the shaper that rounds least of those that leave at most a twentieth.
+    /// Index of the shaper that rounds least among those that leave at most a twentieth.
     RoundsLeast(usize),
-    /// Index of the shaper that leaves least, where none leaves at most a twentieth.
+    /// Index of the shaper that leaves least, if none leaves at most a twentieth.
     LeavesLeast(usize),
 }
 
 impl Choice {
-    /// The index of the score.
+    /// Returns the index of the score.
     pub const fn index(self) -> usize {
         match self {
             Self::RoundsLeast(index) | Self::LeavesLeast(index) => index,
@@ -93,9 +93,9 @@ impl Choice {
     }
 }
 
-/// Plays all shapers on the vibration in a spectrum, or without one on the mode's alone. Each is
-/// made for the mode's damping and the frequency at which it leaves least; the one to take rounds
-/// least of those that leave at most a twentieth.
+/// Applies all shapers to the vibration in a spectrum, or without a spectrum to the mode's
+/// vibration alone. Each shaper is made for the mode's damping and the frequency at which it leaves
+/// least. The one chosen rounds least among those that leave at most a twentieth.
 pub fn compare(spectrum: Option<&Spectrum>, mode: &Mode) -> Comparison {
     let change = (mode.frequency_uncertainty_hz / mode.frequency_hz).max(LEAST_CHANGE);
     let vibration = spectrum.map_or_else(|| vec![(mode.frequency_hz, 1.0)], vibration);
@@ -112,7 +112,7 @@ pub fn compare(spectrum: Option<&Spectrum>, mode: &Mode) -> Comparison {
     Comparison { damping: mode.damping, change, scores, choice }
 }
 
-/// Frequencies, Hz, and the density at each that counts as vibration.
+/// Returns frequencies, Hz, and the density at each that counts as vibration.
 fn vibration(spectrum: &Spectrum) -> Vec<(f64, f64)> {
     let lines = spectrum.lines(COUNTED_HZ);
     let highest = spectrum.density[lines.clone()].iter().copied().fold(0.0, f64::max);
@@ -120,7 +120,7 @@ fn vibration(spectrum: &Spectrum) -> Vec<(f64, f64)> {
     lines.map(|line| (spectrum.frequency_hz(line), (spectrum.density[line] - threshold).max(0.0))).collect()
 }
 
-/// A kind with the frequency at which it leaves least.
+/// Scores a kind at the frequency at which it leaves least.
 fn best(kind: ShaperKind, mode: &Mode, change: f64, vibration: &[(f64, f64)]) -> Option<Score> {
     let (low_hz, high_hz) = (0.6 * mode.frequency_hz, 1.7 * mode.frequency_hz);
     let frequencies =
@@ -136,8 +136,8 @@ fn best(kind: ShaperKind, mode: &Mode, change: f64, vibration: &[(f64, f64)]) ->
         .min_by(|a, b| a.left.total_cmp(&b.left))
 }
 
-/// Amplitude that a shaper leaves of vibrations with these frequencies and densities, all of them
-/// `stiffer` times as fast.
+/// Returns the share of the amplitude that a shaper leaves of vibrations with these frequencies and
+/// densities, all frequencies multiplied by `stiffer`.
 fn left(shaper: &Shaper, stiffer: f64, damping: f64, vibration: &[(f64, f64)]) -> f64 {
     let (mut left, mut all) = (0.0, 0.0);
     for (frequency_hz, density) in vibration {

@@ -1,15 +1,15 @@
-//! Least squares of a curve with few parameters (Levenberg 1944, Marquardt 1963).
+//! Least-squares fit of a curve with few parameters (Levenberg 1944, Marquardt 1963).
 
-/// Parameters and how sure they are.
+/// Fitted parameters and their uncertainty.
 pub struct Fit<const N: usize> {
-    /// The parameters.
+    /// Values of the parameters.
     pub parameters: [f64; N],
     /// Covariance of the parameters, from the curve's residuals.
     pub covariance: [[f64; N]; N],
 }
 
-/// The parameters with the least sum of squared residuals; `None` if there are too few residuals,
-/// or one of the parameters does not matter.
+/// Finds the parameters with the least sum of squared residuals; `None` if there are too few
+/// residuals, or one of the parameters has no effect.
 pub fn fit<const N: usize>(start: [f64; N], residuals: impl Fn(&[f64; N]) -> Vec<f64>) -> Option<Fit<N>> {
     let mut parameters = start;
     let mut left = residuals(&parameters);
@@ -57,7 +57,7 @@ fn squares(residuals: &[f64]) -> f64 {
     residuals.iter().map(|one| one * one).sum()
 }
 
-/// J^T J and J^T r, by differences.
+/// Computes J^T J and J^T r by finite differences.
 fn normal_equations<const N: usize>(
     parameters: &[f64; N],
     left: &[f64],
@@ -74,7 +74,8 @@ fn normal_equations<const N: usize>(
     (normal, std::array::from_fn(|row| dot(&columns[row], left)))
 }
 
-/// Gauss's elimination with the largest pivot of a column; `None` if a column has no pivot.
+/// Solves a linear system by Gaussian elimination with partial pivoting; `None` if a column has no
+/// pivot.
 fn solve<const N: usize>(mut matrix: [[f64; N]; N], mut right: [f64; N]) -> Option<[f64; N]> {
     for column in 0..N {
         let pivot = (column..N).max_by(|a, b| matrix[*a][column].abs().total_cmp(&matrix[*b][column].abs()))?;

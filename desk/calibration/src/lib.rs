@@ -1,8 +1,9 @@
-//! Derives a printer's frame from measurements: its frequencies, and the shapers for them.
+//! Derives the properties of a printer's frame from measurements: its frequencies, and the shapers
+//! for them.
 //!
-//! A [`Record`] of an accelerometer gives a [`Spectrum`] (Welch 1967), the spectrum a [`Mode`]:
-//! frequency and damping with their uncertainty. [`compare()`] plays every shaper on the measured
-//! vibration and says what each leaves of it.
+//! A [`Record`] of an accelerometer gives a [`Spectrum`] (Welch 1967), and the spectrum a [`Mode`]:
+//! frequency and damping with their uncertainty. [`compare()`] applies every shaper to the measured
+//! vibration and reports the share that each leaves.
 //!
 //! Units are millimetres and seconds throughout.
 #![forbid(unsafe_code)]

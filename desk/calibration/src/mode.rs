@@ -1,4 +1,4 @@
-//! The frame's mode that shows in a spectrum.
+//! Finds the frame's mode in a spectrum.
 
 use std::fmt;
 
@@ -7,39 +7,39 @@ use serde::Serialize;
 use crate::least_squares::fit;
 use crate::spectrum::Spectrum;
 
-/// Frequencies among which the mode is looked for, Hz.
+/// Range in which the mode is searched for, Hz.
 const SEARCH_HZ: [f64; 2] = [10.0, 200.0];
 
-/// The curve is laid through the lines from this part of the peak's frequency to that.
+/// Range of the lines that the curve is fitted to, relative to the peak's frequency.
 const AROUND: [f64; 2] = [0.72, 1.35];
 
-/// A peak has at least this many times the density of its surroundings, the mean at its frequency
-/// times and by [`BESIDE`].
+/// Minimum density of a peak relative to its surroundings, which are the geometric mean of the
+/// densities at its frequency times and divided by [`BESIDE`].
 const LEAST_PEAK: f64 = 3.0;
 const BESIDE: f64 = 1.6;
 
-/// Another peak with this part of the strongest one's density is named.
+/// Minimum density, relative to the strongest peak's, of another peak that is reported.
 pub const SECOND_PEAK_SHARE: f64 = 0.1;
 
-/// Power of one frequency under Hann's window, at halves of a line from it.
+/// Power of a single frequency under Hann's window, by the distance from it in lines.
 const WINDOW: [(f64, f64); 7] =
     [(-1.5, 0.0144), (-1.0, 0.25), (-0.5, 0.7205), (0.0, 1.0), (0.5, 0.7205), (1.0, 0.25), (1.5, 0.0144)];
 
-/// Lines beside each other are not independent under Hann's window, and a sweep passes a frequency
-/// only once: the interval is as much wider than that of independent lines.
+/// Factor by which an interval is wider than for independent lines: neighbouring lines are not
+/// independent under Hann's window, and a sweep passes each frequency only once.
 const WIDER: f64 = 2.0;
 
-/// Frequency and damping are known no better than to these parts, since a frame has more modes than
-/// one: a second one at 1.7 times the frequency with a quarter of the motion moves them by as much.
+/// Minimum relative uncertainties of frequency and damping, because a frame has more than one mode:
+/// a second mode at 1.7 times the frequency with a quarter of the motion shifts them by this much.
 const ONE_MODE: [f64; 2] = [0.004, 0.2];
 
-/// The damping ratio of a printer whose damping is not known.
+/// Damping ratio assumed for a printer whose damping is unknown.
 const USUAL_DAMPING: f64 = 0.1;
 
-/// Half of an interval that holds 95 of 100, in standard deviations.
+/// Half width of an interval that holds 95 %, in standard deviations.
 const TWO_SIDED_95: f64 = 1.96;
 
-/// A mode, with the halves of intervals that hold 95 of 100 measurements.
+/// Mode of a frame, with the half widths of intervals that hold 95 % of measurements.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Mode {
     /// Undamped frequency, Hz.
@@ -50,19 +50,19 @@ pub struct Mode {
     pub damping: f64,
     /// Uncertainty of the damping ratio.
     pub damping_uncertainty: f64,
-    /// Other peaks with at least [`SECOND_PEAK_SHARE`] of the density: frequency,
-    /// Hz, and that part.
+    /// Other peaks with at least [`SECOND_PEAK_SHARE`] of the density: frequency, Hz, and relative
+    /// density.
     pub others: Vec<[f64; 2]>,
 }
 
-/// No mode shows.
+/// Reason why no mode was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ModeError {
     /// No peak stands out between the lowest and the highest frequency.
     NoPeak,
     /// The peak does not have the shape of a mode.
     Shape,
-    /// Waves on a print that no frame makes.
+    /// The waves on the print do not fit any frame.
     Waves,
 }
 
@@ -89,9 +89,9 @@ impl fmt::Display for ModeError {
 impl std::error::Error for ModeError {}
 
 impl Mode {
-    /// The mode that leaves `waves` waves over `over_mm` after a corner passed at
-    /// `speed_mm_per_s`; the length is read to `reading_mm`. A print does not show the damping
-    /// well: it is taken to be usual.
+    /// Computes the mode that leaves `waves` waves over `over_mm` after a corner passed at
+    /// `speed_mm_per_s`; the length is read to within `reading_mm`. A print does not show the
+    /// damping well, so the usual damping is assumed.
     ///
     /// # Errors
     /// [`ModeError::Waves`].
@@ -112,11 +112,11 @@ impl Mode {
         })
     }
 
-    /// The strongest mode of a spectrum.
+    /// Finds the strongest mode of a spectrum.
     ///
     /// The density of the acceleration of a mass on a spring that is moved at its other end is that
     /// of the movement times (1 + (2 zeta r)^2) / ((1 - r^2)^2 + (2 zeta r)^2), with r = f / f0.
-    /// How the movement is spread over frequencies is taken to be a power of f.
+    /// The density of the movement is assumed to be a power of f.
     ///
     /// # Errors
     /// [`ModeError`].
@@ -128,7 +128,7 @@ impl Mode {
             let count = around.len() as f64;
             spectrum.density[around].iter().sum::<f64>() / count
         };
-        // Ratio of a line to its surroundings, whatever power of the frequency these follow.
+        // Ratio of a line to its surroundings, whichever power of the frequency these follow.
         let beside = |line: usize, times: f64| smooth(((line as f64 * times) as usize).min(spectrum.density.len() - 1));
         let stands_out =
             |line: usize| smooth(line) / (beside(line, BESIDE) * beside(line, 1.0 / BESIDE)).sqrt().max(floor);
@@ -154,7 +154,7 @@ impl Mode {
         let half = |index: usize| WIDER * TWO_SIDED_95 * fit.covariance[index][index].sqrt();
         let (frequency_part, damping_part) = (half(2), half(3));
         let [frequency_least, damping_least] = ONE_MODE;
-        // NaN is a mode no more than the rest.
+        // NaN fails these comparisons and is refused like other values.
         let is_mode = (frequency_hz / peak_hz - 1.0).abs() < 0.2 && damping < 0.7 && frequency_part < 0.2;
         if !is_mode {
             return Err(ModeError::Shape);
@@ -175,7 +175,7 @@ impl Mode {
     }
 }
 
-/// The density that a mode has at a line, as the window shows it.
+/// Returns the density that a mode has at a line, as the window shows it.
 fn density(
     [log_scale, power, log_frequency, log_damping]: &[f64; 4],
     peak_hz: f64,

@@ -1,45 +1,45 @@
-//! Records of an accelerometer, as Klipper and RepRapFirmware write them.
+//! Reads records of an accelerometer, as Klipper and RepRapFirmware write them.
 
 use std::fmt;
 
-/// The axes of a record, in the order of its columns.
+/// Axes of a record, in the order of its columns.
 pub const AXES: [char; 3] = ['X', 'Y', 'Z'];
 
-/// Standard gravity, in which RepRapFirmware writes accelerations; mm/s^2.
+/// Standard gravity, RepRapFirmware's unit of acceleration, mm/s^2.
 const GRAVITY_MM_PER_S2: f64 = 9806.65;
 
-/// The first line of RepRapFirmware's records of all axes.
+/// First line of RepRapFirmware's records of all axes.
 const REPRAPFIRMWARE_HEADER: &str = "Sample,X,Y,Z";
 
-/// Beginnings of the lines that a printer sends beside a record.
+/// Starts of lines that a printer sends between those of a record.
 const ANSWERS: [&str; 4] = ["ok", "echo:", "//", "T:"];
 
-/// Beginning of this printer's line about a record that ended early.
+/// Start of this firmware's line about a record that ended early.
 const ENDED: &str = "echo:record ended: ";
 
-/// An interval longer than this many usual ones is a gap.
+/// Minimum length of a gap, in mean sampling intervals.
 const GAP: f64 = 3.0;
 
-/// Accelerations at equal times.
+/// Accelerations sampled at equal times.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
-    /// Samples a second.
+    /// Sampling rate, Hz.
     pub rate_hz: f64,
-    /// Accelerations of X, Y and Z, mm/s^2, all as many.
+    /// Accelerations of X, Y and Z, mm/s^2, with equal numbers of samples.
     pub acceleration_mm_per_s2: [Vec<f64>; 3],
 }
 
-/// A record cannot be read.
+/// Reason why a record cannot be read.
 #[derive(Clone, Debug, PartialEq)]
 pub enum RecordError {
-    /// Neither Klipper's nor RepRapFirmware's first line.
+    /// The first line is neither Klipper's nor RepRapFirmware's.
     Unknown {
         /// The first line.
         first_line: String,
     },
-    /// A line has other columns than the first.
+    /// A line does not have the columns of the first line.
     Line {
-        /// Counted from 1.
+        /// Number of the line, counted from 1.
         line: usize,
         /// The line's text.
         text: String,
@@ -48,24 +48,24 @@ pub enum RecordError {
     Gap {
         /// Line of the first sample after the gap, counted from 1.
         line: usize,
-        /// Time since the sample before, s; not above 0 if time goes back.
+        /// Time since the previous sample, s; not above 0 if time goes back.
         interval_s: f64,
     },
-    /// Samples are missing by their numbers.
+    /// The sample numbers show that samples are missing.
     Missing {
-        /// The line after them, counted from 1.
+        /// Line after the missing samples, counted from 1.
         line: usize,
     },
-    /// The printer has ended the record before its time.
+    /// The printer ended the record early.
     Ended {
-        /// Line, counted from 1.
+        /// Line with the printer's message, counted from 1.
         line: usize,
-        /// The reason that it gives.
+        /// Reason that the printer gives.
         reason: String,
     },
-    /// RepRapFirmware's last line, which has the rate, is missing.
+    /// RepRapFirmware's last line, which gives the rate, is missing.
     NoRate,
-    /// RepRapFirmware lost samples.
+    /// RepRapFirmware lost samples; the number of overflows.
     Overflows(u32),
     /// The record has fewer than two samples.
     Empty,
@@ -110,9 +110,9 @@ impl std::error::Error for RecordError {}
 impl Record {
     /// Reads a record.
     ///
-    /// Klipper's lines have the time in seconds and accelerations in mm/s^2, RepRapFirmware's a
-    /// number and accelerations in g, with the rate in the last line. The second may be part of
-    /// what a printer has said to its host, with answers around and between its lines.
+    /// Klipper's lines have the time in seconds and accelerations in mm/s^2; RepRapFirmware's lines
+    /// have a number and accelerations in g, and the last line has the rate. A RepRapFirmware
+    /// record may be part of a printer's log, with answers around and between its lines.
     ///
     /// # Errors
     /// [`RecordError`], with the line.
@@ -131,7 +131,7 @@ impl Record {
         }
     }
 
-    /// Number of samples.
+    /// Returns the number of samples.
     pub fn len(&self) -> usize {
         self.acceleration_mm_per_s2[0].len()
     }
@@ -141,7 +141,7 @@ impl Record {
         self.len() == 0
     }
 
-    /// Returns its duration, s.
+    /// Returns the record's duration, s.
     pub fn duration_s(&self) -> f64 {
         self.len() as f64 / self.rate_hz
     }
@@ -152,7 +152,7 @@ impl Record {
     }
 }
 
-/// Four numbers.
+/// Parses four numbers separated by commas.
 fn numbers(line: usize, text: &str) -> Result<[f64; 4], RecordError> {
     let mut fields = text.split(',').map(|field| field.trim().parse::<f64>().ok().filter(|number| number.is_finite()));
     let found = [fields.next(), fields.next(), fields.next(), fields.next()].map(Option::flatten);

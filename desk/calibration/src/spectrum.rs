@@ -1,4 +1,4 @@
-//! Welch's estimate of the spectrum.
+//! Spectrum of a record by Welch's method.
 
 use std::f64::consts::TAU;
 use std::fmt;
@@ -8,50 +8,50 @@ use rustfft::num_complex::Complex;
 
 use crate::record::{AXES, Record};
 
-/// The least rate: twice the highest frequency that shapers are made for, and room for the filter
-/// before the converter, Hz.
+/// Minimum sampling rate, Hz: twice the highest frequency that shapers are made for, plus a margin
+/// for the filter ahead of the converter.
 const LEAST_RATE_HZ: f64 = 500.0;
 
-/// The shortest record, s.
+/// Minimum duration of a record, s.
 const LEAST_DURATION_S: f64 = 2.0;
 
-/// A part lasts at least this long, so that lines are less than 1 Hz apart; s.
+/// Minimum duration of a part, s, so that lines are less than 1 Hz apart.
 const PART_S: f64 = 1.0;
 
-/// The power of an axis that the machine moved is at least this part of the strongest one's.
+/// Minimum power of the axis that the machine moved, relative to the strongest axis.
 const OWN_SHARE: f64 = 0.25;
 
-/// Frequencies that count for what an axis did, Hz.
+/// Range of frequencies by which the power of an axis is judged, Hz.
 const BAND_HZ: [f64; 2] = [10.0, 200.0];
 
 /// Power density of an axis's acceleration, (mm/s^2)^2/Hz, at the multiples of a frequency.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spectrum {
-    /// Distance between two lines, Hz.
+    /// Distance between adjacent lines, Hz.
     pub step_hz: f64,
-    /// The density; the first is that of a constant.
+    /// Density at each line; the first line is at 0 Hz.
     pub density: Vec<f64>,
-    /// Number of parts of the record in the mean; they overlap by a half.
+    /// Number of parts of the record that are averaged; they overlap by half.
     pub parts: usize,
 }
 
-/// A record has no such spectrum.
+/// Reason why a record has no usable spectrum.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SpectrumError {
-    /// The record has too few samples a second; the rate, Hz.
+    /// The sampling rate is too low; the rate, Hz.
     Rate(f64),
     /// The record is too short; the duration, s.
     Duration(f64),
-    /// Another axis shakes more.
+    /// Another axis vibrates more.
     OtherAxis {
-        /// The axis that was asked for.
+        /// Axis that was asked for.
         axis: char,
-        /// The axis that shakes most.
+        /// Axis that vibrates most.
         strongest: char,
-        /// Power of the other axis over that of the one measured.
+        /// Power of the strongest axis, relative to the axis asked for.
         times: f64,
     },
-    /// No axis shakes.
+    /// No axis vibrates.
     Still,
 }
 
@@ -83,12 +83,12 @@ impl fmt::Display for SpectrumError {
 impl std::error::Error for SpectrumError {}
 
 impl Spectrum {
-    /// The spectrum of an axis (its index), which must be the one that was shaken.
+    /// Computes the spectrum of an axis, given by its index, which must be the one that was shaken.
     ///
     /// # Errors
     /// [`SpectrumError`].
     pub fn of(record: &Record, axis: usize) -> Result<Self, SpectrumError> {
-        // NaN is above nothing.
+        // NaN fails this comparison.
         let is_fast = record.rate_hz >= LEAST_RATE_HZ;
         if !is_fast {
             return Err(SpectrumError::Rate(record.rate_hz));
@@ -114,23 +114,24 @@ impl Spectrum {
         })
     }
 
-    /// Frequency of a line, Hz.
+    /// Returns the frequency of a line, Hz.
     pub fn frequency_hz(&self, line: usize) -> f64 {
         self.step_hz * line as f64
     }
 
-    /// The lines between two frequencies: their numbers.
+    /// Returns the indices of the lines between two frequencies, Hz.
     pub fn lines(&self, [low_hz, high_hz]: [f64; 2]) -> std::ops::Range<usize> {
         let line = |frequency_hz: f64| ((frequency_hz / self.step_hz).ceil().max(1.0) as usize).min(self.density.len());
         line(low_hz)..line(high_hz).max(line(low_hz))
     }
 
-    /// Power between two frequencies, (mm/s^2)^2.
+    /// Returns the power between two frequencies, (mm/s^2)^2.
     pub fn power(&self, band_hz: [f64; 2]) -> f64 {
         self.density[self.lines(band_hz)].iter().sum::<f64>() * self.step_hz
     }
 
-    /// The density of noise, not vibration of the frame: the median where no printer swings.
+    /// Returns the density of the noise: the median at frequencies above those at which printers
+    /// vibrate.
     pub fn floor(&self) -> f64 {
         let highest_hz = self.frequency_hz(self.density.len() - 1);
         let mut above: Vec<f64> = self.density[self.lines([0.7 * highest_hz, highest_hz])].to_vec();
@@ -139,8 +140,8 @@ impl Spectrum {
     }
 }
 
-/// The mean of the spectra of overlapping parts, each without its mean and slope, under Hann's
-/// window (Welch 1967).
+/// Averages the spectra of overlapping parts, each without its mean and slope, under Hann's window
+/// (Welch 1967).
 fn welch(samples: &[f64], rate_hz: f64) -> Spectrum {
     let length = ((PART_S * rate_hz).ceil() as usize).next_power_of_two().min(prior_power_of_two(samples.len()));
     let window: Vec<f64> = (0..length).map(|at| 0.5 - 0.5 * (TAU * at as f64 / length as f64).cos()).collect();
@@ -158,7 +159,7 @@ fn welch(samples: &[f64], rate_hz: f64) -> Spectrum {
         density.iter_mut().zip(&lines).for_each(|(sum, line)| *sum += line.norm_sqr());
         parts += 1;
     }
-    // One side of the spectrum has the power of both.
+    // The one-sided spectrum carries the power of both sides.
     let power_of_window: f64 = window.iter().map(|weight| weight * weight).sum();
     let scale = 2.0 / (rate_hz * power_of_window * f64::from(parts.max(1)));
     density.iter_mut().for_each(|one| *one *= scale);
@@ -180,7 +181,7 @@ fn remove_line(samples: &mut [f64]) {
     samples.iter_mut().enumerate().for_each(|(at, sample)| *sample -= mean + slope * (at as f64 - middle));
 }
 
-/// The largest power of two that is not above a number of at least 1.
+/// Returns the largest power of two not above a number of at least 1.
 fn prior_power_of_two(number: usize) -> usize {
     1 << (usize::BITS - 1 - number.max(1).leading_zeros())
 }

@@ -1,4 +1,4 @@
-//! Records made of a known frame, noise and drift, and what is found in them.
+//! Tests the modes found in records that are generated from a known frame, noise and drift.
 #![allow(clippy::unwrap_used)]
 
 use std::f64::consts::TAU;
@@ -8,24 +8,24 @@ use ferrostep_calibration::{Choice, Mode, ModeError, Record, RecordError, Spectr
 use ferrostep_random_cases::share_of;
 use proptest::prelude::*;
 
-/// A frame, its accelerometer, and how it is shaken.
+/// Frame, accelerometer, and kind of excitation.
 #[derive(Clone, Copy, Debug)]
 struct Case {
     frequency_hz: f64,
     damping: f64,
-    /// A second mode, at 1.7 times the frequency, with a quarter of the motion.
+    /// True to add a second mode at 1.7 times the frequency with a quarter of the motion.
     second: bool,
     rate_hz: f64,
     /// Standard deviation of the noise, mm/s^2.
     noise: f64,
-    /// The zero moves by as much over the record, mm/s^2.
+    /// Drift of the zero over the record, mm/s^2.
     drift: f64,
-    /// Otherwise stops at random, as RepRapFirmware records them.
+    /// True for a sweep; false for random stops, as RepRapFirmware records them.
     sweep: bool,
     seed: u64,
 }
 
-/// Numbers that look random (Marsaglia 2003).
+/// Pseudo-random numbers (Marsaglia 2003).
 struct Random(u64);
 
 impl Random {
@@ -42,17 +42,17 @@ impl Random {
     }
 }
 
-/// A mass on a spring and a damper whose other end is moved: the acceleration of the mass.
+/// Mass on a spring and a damper whose other end is moved; computes the mass's acceleration.
 struct Spring {
     omega: f64,
     damping: f64,
-    /// Place and speed of the mass from where the machine has it.
+    /// Position and speed of the mass relative to the machine's.
     state: [f64; 2],
 }
 
 impl Spring {
     fn next(&mut self, acceleration: f64, interval_s: f64) -> f64 {
-        // Eight small steps, each exact to the second order (velocity Verlet).
+        // Eight small steps, each of second order (velocity Verlet).
         let mut of_mass = 0.0;
         for _ in 0..8 {
             let h = interval_s / 8.0;
@@ -67,7 +67,7 @@ impl Spring {
     }
 }
 
-/// The acceleration of X; Y and Z have a twentieth of it, and all have noise.
+/// Records the acceleration of X; Y and Z have a twentieth of it, and all have noise.
 fn record(case: &Case) -> Record {
     let mut random = Random(case.seed | 1);
     let interval_s = 1.0 / case.rate_hz;
@@ -81,8 +81,8 @@ fn record(case: &Case) -> Record {
     for at in 0..count {
         let time_s = at as f64 * interval_s;
         if case.sweep {
-            // Klipper's test: one hertz a second, with an acceleration that grows
-            // with the frequency.
+            // Klipper's test: one hertz per second, with an acceleration proportional to the
+            // frequency.
             let frequency_hz = begin_hz + time_s;
             phase += TAU * frequency_hz * interval_s;
             acceleration = 60.0 * frequency_hz * phase.sin();
@@ -105,7 +105,7 @@ fn mode(case: &Case) -> Mode {
     Mode::of(&Spectrum::of(&record(case), 0).unwrap()).unwrap()
 }
 
-/// A hundred frames by a fixed seed.
+/// Returns a hundred frames from a fixed seed.
 fn cases(sweep: bool, second: bool) -> Vec<Case> {
     let mut random = Random(0x9E37_79B9_7F4A_7C15);
     let mut between = |low: f64, high: f64| low + (high - low) * random.share();
@@ -123,8 +123,8 @@ fn cases(sweep: bool, second: bool) -> Vec<Case> {
         .collect()
 }
 
-/// The largest error of the frequency in this run's share of the frames. At most one frequency and
-/// one damping in twenty lie outside their intervals.
+/// Returns the largest error of the frequency in this run's share of the frames. At most one
+/// frequency and one damping in twenty may lie outside their intervals.
 fn judge(cases: &[Case]) -> f64 {
     let (mut worst_hz, mut tried, mut within, mut damping_within) = (0.0f64, 0, 0, 0);
     for number in share_of(cases.len() as u64) {
@@ -159,12 +159,12 @@ fn a_second_mode_leaves_the_first_where_it_is() {
 
 #[test]
 fn moves_to_and_fro_show_it_too() {
-    // Chance moves the frame less often at its frequency than a sweep does.
+    // Random moves excite the frame's frequency less often than a sweep does.
     let worst_hz = judge(&cases(false, false));
     assert!(worst_hz < 2.0, "{worst_hz}");
 }
 
-/// A record as Klipper writes it.
+/// Formats a record as Klipper does.
 fn klippers(record: &Record) -> String {
     let [x, y, z] = &record.acceleration_mm_per_s2;
     let mut text = "#time,accel_x,accel_y,accel_z\n".to_owned();
@@ -174,7 +174,7 @@ fn klippers(record: &Record) -> String {
     text
 }
 
-/// A record as RepRapFirmware writes it.
+/// Formats a record as RepRapFirmware does.
 fn reprapfirmwares(record: &Record) -> String {
     let [x, y, z] = &record.acceleration_mm_per_s2;
     let mut text = "Sample,X,Y,Z\n".to_owned();
@@ -209,7 +209,7 @@ fn both_firmwares_files_say_the_same() {
     }
 }
 
-/// A stiff frame with little damping wants no long filter; what is recommended follows from the
+/// A stiff frame with little damping needs no long shaper; the recommendation follows from the
 /// table by its rule.
 #[test]
 fn the_shaper_to_take_leaves_little_and_rounds_least() {
@@ -234,7 +234,7 @@ fn the_shaper_to_take_leaves_little_and_rounds_least() {
 
 #[test]
 fn waves_on_a_print_are_a_mode() {
-    // Five waves within 10 mm at 100 mm/s, read to 0.3 mm.
+    // Five waves over 10 mm at 100 mm/s, read to 0.3 mm.
     let mode = Mode::of_waves(5.0, 10.0, 0.3, 100.0).unwrap();
     assert_eq!(mode.frequency_hz, 50.0);
     assert!((mode.frequency_uncertainty_hz - 1.5).abs() < 1e-9, "{mode:?}");
@@ -296,7 +296,7 @@ fn records_that_tell_nothing_are_refused_by_name() {
 }
 
 proptest! {
-    /// Whatever is in a file, it is read or refused.
+    /// Any text is read or refused, without a panic.
     #[test]
     fn any_text_is_read_or_refused(
         header in prop::sample::select(vec!["#time,accel_x,accel_y,accel_z\n", "Sample,X,Y,Z\n", ""]),
@@ -309,8 +309,8 @@ proptest! {
         }
     }
 
-    /// A printer's answers between the lines of a record change nothing; a line that is missing,
-    /// doubled or swapped with the next is noticed.
+    /// A printer's answers between the lines of a record change nothing; a missing, doubled or
+    /// swapped line is detected.
     #[test]
     fn a_log_is_the_record_in_it_or_refused(
         samples in prop::collection::vec(prop::array::uniform3(-16.0..16.0_f64), 2..40),
@@ -332,15 +332,15 @@ proptest! {
         missing.remove(at);
         doubled.insert(at, lines[at].clone());
         swapped.swap(at, (at + 1) % lines.len());
-        // A record without its last line is shorter, and complete; the printer's
-        // `overflows` reports that.
+        // A record without its last sample is shorter but consistent; the printer's `overflows`
+        // reports the loss.
         for (log, is_shorter) in [(missing, at + 1 == lines.len()), (doubled, false), (swapped, false)] {
             let read = Record::parse(&text(&log));
             prop_assert!(is_shorter || matches!(read, Err(RecordError::Missing { .. })), "{read:?}");
         }
     }
 
-    /// No samples, however wild, are the end of the program.
+    /// No samples, however extreme, cause a panic.
     #[test]
     fn any_samples_have_a_mode_or_none(
         rate_hz in 500.0..10_000.0_f64,

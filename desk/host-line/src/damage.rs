@@ -1,21 +1,21 @@
-//! A line that damages a host's bytes, for tests of hosts and of the printers that answer.
+//! Damages a host's bytes on the line, to test hosts and the printers that answer them.
 
-/// Damage to bytes on their way to the printer.
+/// Kind of damage to bytes on their way to the printer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineFault {
     /// Some bytes are lost.
     DropBytes,
-    /// A bit changes in some bytes.
+    /// One bit changes in some bytes.
     FlipBits,
-    /// Some lines are lost, with their ends.
+    /// Some lines are lost, including their line ends.
     DropLines,
-    /// One bit changes in some lines. If two changed, the checksum would miss one pair in eight, as
-    /// it adds the bytes bit by bit.
+    /// One bit changes in some lines. If two bits changed, the checksum would miss one pair in
+    /// eight, because it XORs the bytes.
     FlipInLines,
 }
 
 impl LineFault {
-    /// The fault of this name; `None` for another word.
+    /// Returns the fault with this name; `None` for any other word.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Some(match name {
@@ -28,7 +28,7 @@ impl LineFault {
     }
 }
 
-/// A share of the bytes, or lines, as in `1%`.
+/// Parses a share of the bytes or lines, such as `1%`.
 ///
 /// # Errors
 /// The share is not from 0% to 100%.
@@ -38,7 +38,7 @@ pub fn share(text: &str) -> Result<f64, String> {
     share.ok_or_else(|| "write a rate from 0% to 100%".to_owned())
 }
 
-/// A line that damages what it carries, the same way each time.
+/// Line that damages the bytes it carries, in the same way in every run.
 #[derive(Debug)]
 pub struct DamagedLine {
     random: fastrand::Rng,
@@ -46,15 +46,16 @@ pub struct DamagedLine {
     /// True at the start of a line.
     begins: bool,
     drops_line: bool,
-    /// Bytes of this line up to the one in which a bit changes.
+    /// Number of bytes before the one in which a bit changes.
     flips_after: Option<u8>,
 }
 
-/// A bit of a line changes in one of its first bytes; a shorter line arrives unchanged.
+/// Number of bytes at the start of a line among which one is damaged; a shorter line may arrive
+/// unchanged.
 const FLIPPED_BYTES: u8 = 10;
 
 impl Default for DamagedLine {
-    /// A line in order.
+    /// Returns a line without faults.
     fn default() -> Self {
         Self {
             random: fastrand::Rng::with_seed(1),
@@ -67,19 +68,19 @@ impl Default for DamagedLine {
 }
 
 impl DamagedLine {
-    /// Damages a share of the bytes, or lines, from now on.
+    /// Damages a share of the bytes or lines from now on.
     pub fn add(&mut self, fault: LineFault, share: f64) {
         self.faults.push((fault, share));
     }
 
-    /// Carries some bytes.
+    /// Applies the faults to bytes on their way to the printer.
     pub fn carry(&mut self, bytes: &mut Vec<u8>) {
         if !self.faults.is_empty() {
             bytes.retain_mut(|byte| self.arrives(byte));
         }
     }
 
-    /// Returns true if a byte arrives; it may have changed.
+    /// Returns true if a byte arrives; the byte may have changed.
     fn arrives(&mut self, byte: &mut u8) -> bool {
         let ends = matches!(*byte, b'\n' | b'\r');
         if std::mem::replace(&mut self.begins, ends) {
@@ -118,7 +119,7 @@ mod tests {
             line.carry(&mut bytes);
             let mut again = DamagedLine::default();
             again.add(fault, share);
-            // The text comes in portions, as a host sends it.
+            // The text arrives in portions, as a host sends it.
             let portions = text.as_bytes().chunks(7).flat_map(|portion| {
                 let mut portion = portion.to_vec();
                 again.carry(&mut portion);

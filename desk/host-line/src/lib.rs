@@ -1,11 +1,12 @@
-//! A pseudo-terminal or TCP port of this computer for a person or a host program such as OctoPrint,
-//! or a pair of sockets for a host within the program.
+//! Line of a virtual printer: a pseudo-terminal or TCP port of this computer for a person or a host
+//! program such as OctoPrint, or a pair of sockets for a host within the program.
 //!
-//! No call but [`Line::wait`] blocks: a virtual printer reads and writes between two slices of its
-//! time. TCP discards bytes while no host is connected, like a wire; a pseudo-terminal keeps what
-//! fits, so that a host that opens it soon after still reads the `start`.
+//! No call except [`Line::wait`] and [`Line::wait_any`] blocks: a virtual printer reads and writes
+//! between two slices of its time. Like a wire, TCP discards bytes while no host is connected; a
+//! pseudo-terminal keeps as many as fit, so that a host that opens it soon afterwards still reads
+//! the `start`.
 //!
-//! A real host sends at real times: a run with such a line cannot be repeated exactly.
+//! A real host sends in real time: a run with such a line is not exactly reproducible.
 #![cfg(unix)]
 
 pub mod damage;
@@ -24,22 +25,24 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
-/// Maximum bytes kept for a host that reads slowly; beyond it the oldest lines are dropped.
+/// Maximum number of bytes kept for a host that reads slowly; beyond it the oldest lines are
+/// dropped.
 const MAX_WAITING: usize = 64 * 1024;
-/// Maximum bytes of one read.
+/// Maximum number of bytes in one read.
 const MAX_READ: usize = 4096;
-/// Maximum sleep of [`Line::wait`] while no host has the terminal open, which cannot be waited for.
+/// Maximum sleep of [`Line::wait`] while no host has the terminal open; `poll` cannot wait for a
+/// host to open it.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// A line that a host program on this computer can open.
+/// Line that a host program on this computer can open.
 #[derive(Debug)]
 pub struct Line {
     end: End,
     waiting: VecDeque<u8>,
     dropped_bytes: u64,
-    /// True if a host had the line open at the last look.
+    /// True if a host had the line open at the last check.
     was_open: bool,
-    /// A host has left since the last [`Self::take_departure`].
+    /// True if a host has left since the last [`Self::take_departure`].
     has_departed: bool,
 }
 
@@ -60,9 +63,9 @@ enum End {
 }
 
 impl Line {
-    /// Opens a pseudo-terminal with a symbolic link to it at `link`, which hosts open like a serial
-    /// port. The link is removed when the line is dropped; a link to a terminal that no longer
-    /// exists is replaced.
+    /// Opens a pseudo-terminal and creates a symbolic link to it at `link`, which hosts open like a
+    /// serial port. The link is removed when the line is dropped; a link to a terminal that no
+    /// longer exists is replaced.
     ///
     /// # Errors
     /// Another file is at `link`, or the operating system refuses a pseudo-terminal.
@@ -86,7 +89,7 @@ impl Line {
         Ok(Self::with(End::Pty { board_end, link: link.to_owned(), name }))
     }
 
-    /// Listens on a TCP port of this computer only (127.0.0.1), for one host at a time; 0
+    /// Listens on a TCP port of this computer only (127.0.0.1), for one host at a time; port 0
     /// takes any free port.
     ///
     /// # Errors
@@ -107,7 +110,7 @@ impl Line {
         }
     }
 
-    /// A line whose host is a part of this program, and the host's end.
+    /// Creates a line to a host in this program, and returns the host's end with it.
     ///
     /// # Errors
     /// The operating system refuses a pair of sockets.
@@ -121,7 +124,7 @@ impl Line {
         Self { end, waiting: VecDeque::new(), dropped_bytes: 0, was_open: false, has_departed: false }
     }
 
-    /// The address for a host: a path, or address and port.
+    /// Returns the address that a host opens: a path, or IP address and port.
     #[must_use]
     pub fn address(&self) -> String {
         match &self.end {
@@ -147,16 +150,16 @@ impl Line {
         }
     }
 
-    /// Returns true if a host has left since the last call: the rest of its line is not the
-    /// beginning of the next host's. The [`Self::read`] that has seen it go returns bytes of the
-    /// next host. On a terminal only [`Self::connected`] sees it, so that a host that goes and
-    /// comes back between two looks stays unnoticed.
+    /// Returns true if a host has left since the last call: the unfinished line of that host is not
+    /// the beginning of the next host's. Bytes returned by the [`Self::read`] that detects the
+    /// departure are the next host's. On a terminal only [`Self::connected`] detects a departure,
+    /// so a host that leaves and comes back between two checks goes unnoticed.
     pub fn take_departure(&mut self) -> bool {
         std::mem::take(&mut self.has_departed)
     }
 
-    /// Reads the bytes that the host has sent since the last call, at most this many (and never
-    /// more than 4096).
+    /// Reads the bytes that the host has sent since the last call, at most `max_bytes` and never
+    /// more than 4096.
     ///
     /// # Errors
     /// The line is broken for good. A host that disconnects is not an error.
@@ -168,8 +171,8 @@ impl Line {
             End::Pty { board_end, .. } => match board_end.read(bytes) {
                 Err(error) if is_idle(&error) => {
                     if error.kind() != ErrorKind::WouldBlock {
-                        // No host has it open any longer: bytes that it has not read are not the
-                        // next one's.
+                        // No host has the terminal open any more: bytes that the last one did not
+                        // read are not for the next one.
                         self.waiting.clear();
                     }
                     0
@@ -207,11 +210,11 @@ impl Line {
         Ok(bytes[..count].to_vec())
     }
 
-    /// Sends bytes to the host; bytes that it does not accept yet are kept for later calls of this
-    /// or of [`Line::read`].
+    /// Sends bytes to the host; bytes that the host does not accept yet are kept for later calls of
+    /// this method or of [`Line::read`].
     ///
     /// # Errors
-    /// The line is broken for good.
+    /// The line is permanently broken. A host that disconnects is not an error.
     pub fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         if !matches!(self.end, End::Pty { .. }) && !self.connected() {
             self.dropped_bytes += bytes.len() as u64;
@@ -220,7 +223,7 @@ impl Line {
         self.waiting.extend(bytes);
         self.flush()?;
         let surplus = self.waiting.len().saturating_sub(MAX_WAITING);
-        // The rest of a line goes with its beginning, so that the next byte begins a line.
+        // Drop whole lines, so that the next byte begins a line.
         let surplus = match self.waiting.iter().skip(surplus).position(|byte| *byte == b'\n') {
             Some(rest) if surplus > 0 => surplus + rest + 1,
             _ => surplus,
@@ -230,19 +233,20 @@ impl Line {
         Ok(())
     }
 
-    /// Number of bytes that the host has not taken yet.
+    /// Returns the number of bytes that the host has not accepted yet.
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.waiting.len()
     }
 
-    /// Waits until the host has sent something, at most this long; a new host also ends the wait.
+    /// Waits until the host has sent something, at most for `timeout`; a new host also ends the
+    /// wait.
     pub fn wait(&self, timeout: Duration) {
         Self::wait_any(&[self], timeout);
     }
 
-    /// Waits until a host of one of these lines has sent something, at most this long; a new host
-    /// also ends the wait.
+    /// Waits until a host of one of these lines has sent something, at most for `timeout`; a new
+    /// host also ends the wait.
     pub fn wait_any(lines: &[&Self], timeout: Duration) {
         let mut sources: Vec<PollFd<'_>> = lines.iter().filter_map(|line| line.end.source()).collect();
         let poll_for = |sources: &mut [PollFd<'_>], timeout: Duration| {
@@ -250,8 +254,8 @@ impl Line {
             let _ = poll(sources, Timespec::try_from(timeout).ok().as_ref());
         };
         poll_for(&mut sources, timeout);
-        // A terminal without a host always reports that: the others are waited for without it,
-        // until it is looked at again.
+        // A terminal without a host always reports HUP: wait for the other lines without it, for at
+        // most `LOOK`.
         let is_unheard = |source: &PollFd<'_>| {
             source.revents().contains(PollFlags::HUP) && !source.revents().contains(PollFlags::IN)
         };
@@ -264,7 +268,7 @@ impl Line {
         }
     }
 
-    /// Number of bytes that no host has read.
+    /// Returns the number of bytes that were dropped because no host read them.
     #[must_use]
     pub fn dropped_bytes(&self) -> u64 {
         self.dropped_bytes
@@ -295,7 +299,8 @@ impl Line {
     }
 }
 
-/// Writes to a host that is there, and returns how many bytes it took. `None`: it has just gone.
+/// Writes to a connected host and returns the number of bytes that it accepted. `None` means that
+/// the host has just disconnected.
 fn write_to(host: &mut Option<impl Write>, bytes: &[u8]) -> Option<usize> {
     let Some(stream) = host else { return Some(0) };
     match stream.write(bytes) {
@@ -309,7 +314,7 @@ fn write_to(host: &mut Option<impl Write>, bytes: &[u8]) -> Option<usize> {
 }
 
 impl End {
-    /// Returns the file to wait on until a host speaks; `None`: no host will.
+    /// Returns the file to wait on until a host sends; `None` if no host ever will.
     fn source(&self) -> Option<PollFd<'_>> {
         let source = match self {
             Self::Pty { board_end, .. } => board_end.as_fd(),
@@ -326,16 +331,16 @@ impl Drop for Line {
         if let End::Pty { link, name, .. } = &self.end
             && std::fs::read_link(link).is_ok_and(|target| target == *name)
         {
-            // A link that cannot be removed stays: the next line replaces it.
+            // If the link cannot be removed, the next line replaces it.
             let _ = std::fs::remove_file(link);
         }
     }
 }
 
-/// Opens a terminal: its board's end, raw and non-blocking, and the name of the host's end.
+/// Opens a terminal: the board's end, raw and non-blocking, and the name of the host's end.
 fn open_terminal() -> io::Result<(File, PathBuf)> {
     let board_end = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
-    // Some systems do not take this as a flag of the call above.
+    // Some systems do not accept this as a flag of the call above.
     rustix::io::fcntl_setfd(&board_end, rustix::io::FdFlags::CLOEXEC)?;
     grantpt(&board_end)?;
     unlockpt(&board_end)?;
@@ -356,8 +361,8 @@ fn is_idle(error: &io::Error) -> bool {
     error.kind() == ErrorKind::WouldBlock || error.raw_os_error() == Some(rustix::io::Errno::IO.raw_os_error())
 }
 
-/// Returns true if the last host has closed the terminal. It counts as open until the
-/// first host opens it.
+/// Returns true if the last host has closed the terminal. A terminal counts as open until the first
+/// host opens it.
 fn hung_up(board_end: &File) -> bool {
     let mut ends = [PollFd::new(board_end, PollFlags::empty())];
     let at_once = Timespec { tv_sec: 0, tv_nsec: 0 };
@@ -370,7 +375,7 @@ fn accept(listener: &TcpListener, client: &mut Option<TcpStream>) {
         && let Ok((stream, _)) = listener.accept()
         && stream.set_nonblocking(true).is_ok()
     {
-        // A line of G-code is a small packet that should leave at once.
+        // A line of G-code is a small packet that should be sent at once.
         let _ = stream.set_nodelay(true);
         *client = Some(stream);
     }

@@ -9,10 +9,10 @@ fn path(name: &str) -> PathBuf {
     std::env::temp_dir().join(format!("ferrostep-host-line-{name}-{}", std::process::id()))
 }
 
-/// Longest wait for anything: only a fault takes as long.
+/// Maximum wait for anything: only a fault takes that long.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Looks again and again until it is there.
+/// Polls until the condition holds.
 #[track_caller]
 fn wait_until(mut is_there: impl FnMut() -> bool) {
     let end = Instant::now() + PATIENCE;
@@ -55,7 +55,7 @@ fn a_terminal_passes_bytes_unchanged() {
     assert!(line.read(MAX_READ).unwrap().is_empty());
     line.write(b"unread\n").unwrap();
     let _host = OpenOptions::new().read(true).write(true).open(&link).unwrap();
-    // The next host finds it again.
+    // The next host can open the terminal again.
     wait_until(|| line.connected());
     drop(line);
     assert!(std::fs::symlink_metadata(&link).is_err(), "the link is removed");
@@ -108,7 +108,7 @@ fn tcp_serves_one_host_at_a_time() {
     }
 }
 
-/// A host that is there at once does not hide that the one before it has gone.
+/// A new host that connects at once does not hide that the previous one has left.
 #[test]
 fn the_next_tcp_host_is_told_from_the_one_before() {
     let mut line = Line::tcp(0).unwrap();
@@ -140,7 +140,7 @@ fn a_host_within_the_program_speaks_and_goes() {
     let (mut line, mut host) = Line::pair().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let mut beside = Line::pty(&folder.path().join("port")).unwrap();
-    // A terminal whose host has gone does not hide the other line's.
+    // A terminal whose host has left does not hide another line's data.
     drop(std::fs::OpenOptions::new().read(true).write(true).open(beside.address()).unwrap());
     wait_until(|| !beside.connected());
     host.write_all(b"M105\n").unwrap();

@@ -1,4 +1,4 @@
-//! The lines of a black box, put together.
+//! Assembles a black box from the lines in which a board sends it (M791).
 
 use std::fmt;
 
@@ -6,16 +6,16 @@ use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use ferrostep_black_box::{END, PREFIX};
 
-/// Reason for which lines are not a black box.
+/// Reason why lines are not a black box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LinesError {
-    /// A damaged line.
+    /// The line with this number is damaged.
     Damaged(u32),
-    /// A line that is missing before this one.
+    /// The line with this number is missing.
     Missing(u32),
-    /// The last line has not arrived.
+    /// The last line is missing.
     Unfinished,
-    /// No line belongs to a black box.
+    /// The text has no line of a black box.
     None,
 }
 
@@ -35,7 +35,7 @@ impl fmt::Display for LinesError {
 
 impl std::error::Error for LinesError {}
 
-/// Assembles the lines as they arrive; others may arrive in between.
+/// Assembles the lines as they arrive; other lines may come in between.
 #[derive(Clone, Debug, Default)]
 pub struct Assembly {
     bytes: Vec<u8>,
@@ -43,8 +43,9 @@ pub struct Assembly {
 }
 
 impl Assembly {
-    /// Takes a line: `None` if it belongs to something else, else whether it is the last. A
-    /// terminal's log may have text before it.
+    /// Takes a line. Returns `None` if it is not part of a black box, `Some(true)` if it is the
+    /// last line, otherwise `Some(false)`. A line of a terminal's log may have other text before
+    /// it.
     ///
     /// # Errors
     /// [`LinesError`]
@@ -55,7 +56,7 @@ impl Assembly {
         let number = if place == END { contents } else { place };
         let number: u32 = number.parse().map_err(|_| damaged)?;
         if place != END && number == 0 {
-            // The board sends the black box again.
+            // The board starts to send the black box again.
             *self = Self::default();
         }
         if number != self.next {
@@ -69,18 +70,18 @@ impl Assembly {
         Ok(Some(false))
     }
 
-    /// Returns true once a line has come.
+    /// Returns true once the first line has arrived.
     pub const fn is_begun(&self) -> bool {
         self.next > 0
     }
 
-    /// The bytes.
+    /// Returns the bytes assembled so far.
     pub fn into_bytes(self) -> Vec<u8> {
         self.bytes
     }
 }
 
-/// The bytes of the last whole black box in a text.
+/// Extracts the last whole black box from a text.
 ///
 /// # Errors
 /// [`LinesError`]: the text contains no whole black box.

@@ -1,23 +1,30 @@
-//! The lines of a file that is sent to a printer, and the command of each.
+//! Reads the lines of a file that is sent to a printer, and the command in each.
 
 use std::fmt;
 use std::io::{self, BufRead};
 
 use ferrostep_gcode::{Checksum, Command, LINE_CAPACITY, LineReader, parse};
 
-/// Longest line, comment included. A packed file can hold one that fits no memory.
+/// Maximum length of a line, including its comment. A packed file could unpack to a line larger
+/// than the memory.
 const MAX_LINE_BYTES: usize = 64 * 1024;
 
-/// Splits a file into lines, each ended by `\n`, `\r` or both, as [`LineReader`] does.
+/// Splits a file into lines ended by `
+///
+/// `, `\r` or `\r
+///
+/// `, as [`LineReader`] does.
 #[derive(Debug)]
 pub struct FileLines<R> {
     input: R,
-    /// The last line was ended by `\r`: a `\n` right after it belongs to that end.
+    /// True if the last line ended with `\r`: a `
+    ///
+    /// ` right after it belongs to the same line end.
     after_return: bool,
 }
 
 impl<R: BufRead> FileLines<R> {
-    /// Lines of a file from its present place.
+    /// Reads lines from the input's current position.
     pub fn new(input: R) -> Self {
         Self { input, after_return: false }
     }
@@ -26,7 +33,7 @@ impl<R: BufRead> FileLines<R> {
 impl<R: BufRead> Iterator for FileLines<R> {
     type Item = io::Result<Vec<u8>>;
 
-    /// The next line, without its end.
+    /// Returns the next line without its line end.
     fn next(&mut self) -> Option<Self::Item> {
         let mut line = Vec::new();
         loop {
@@ -68,10 +75,10 @@ impl fmt::Display for Damaged {
     }
 }
 
-/// The command of a line, without comment, and without the number and checksum that a file may
-/// have: those are the file's, and a line on its way to a printer gets others. An M110 numbers the
-/// file's lines and is left out for the same reason. `None` where no command is left. What a
-/// printer may know and this reader cannot read is passed on, for the printer to answer.
+/// Extracts the command of a line, without its comment, line number and checksum: a line on its way
+/// to a printer gets new ones. M110 is dropped for the same reason, since it numbers the file's
+/// lines. Returns `None` if no command is left. Text that this reader cannot parse is passed on,
+/// because the printer may know it.
 ///
 /// # Errors
 /// The line's checksum is wrong.
@@ -89,7 +96,7 @@ pub fn command_of(line: &[u8]) -> Result<Option<String>, Damaged> {
     };
     match reader.finish() {
         None => Ok(None),
-        // The reader keeps the beginning of a line without effect here.
+        // `LineReader` keeps only the beginning of a line that is too long and has no effect here.
         Some(Ok(kept)) if kept.number.is_none() && command.len() > LINE_CAPACITY => whole(),
         Some(Ok(line)) => match line.checksum {
             Checksum::Absent | Checksum::Right if line.text.is_empty() => Ok(None),
@@ -105,7 +112,7 @@ pub fn command_of(line: &[u8]) -> Result<Option<String>, Damaged> {
                 line.text
             ))),
         },
-        // The line has a number and would be numbered twice.
+        // The line already has a number and would be numbered twice.
         Some(Err(error)) if error.is_numbered() => Err(Damaged(error.to_string())),
         Some(Err(_)) => whole(),
     }

@@ -1,15 +1,15 @@
-//! Texts from outside, as a terminal may show them.
+//! Makes text from outside safe to show in a terminal.
 //!
 //! File names, G-code and a board's replies may contain control characters, which can make a
-//! terminal do nearly anything. They are written as escape sequences.
+//! terminal do nearly anything. This module replaces them with escape sequences.
 
 use std::borrow::Cow;
 use std::path::Path;
 
-/// The name that means standard input.
+/// File name that means standard input.
 const STANDARD_INPUT: &str = "-";
 
-/// Replaces every control character for which `is_replaced` holds by its escape sequence in Rust.
+/// Replaces every character for which `is_replaced` holds with its Rust escape sequence.
 fn replaced(text: &str, is_replaced: impl Fn(char) -> bool) -> Cow<'_, str> {
     if !text.contains(&is_replaced) {
         return Cow::Borrowed(text);
@@ -25,18 +25,18 @@ fn replaced(text: &str, is_replaced: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(out)
 }
 
-/// A text of one or more lines without control characters: `\u{1b}` for an ESC. Line
-/// ends and tabs stay.
+/// Escapes control characters, such as `\u{1b}` for ESC, in a text of one or more lines. Line feeds
+/// and tabs stay.
 pub fn escaped(text: &str) -> Cow<'_, str> {
     replaced(text, |c| c.is_control() && c != '\n' && c != '\t')
 }
 
-/// The same for a text that is one line: line ends are also replaced.
+/// Escapes control characters in a text of one line, including line ends and tabs.
 pub fn one_line(text: &str) -> Cow<'_, str> {
     replaced(text, char::is_control)
 }
 
-/// A path on one line, without control characters.
+/// Formats a path on one line without control characters.
 pub fn name(path: &Path) -> String {
     one_line(&path.to_string_lossy()).into_owned()
 }
@@ -46,7 +46,7 @@ pub fn is_standard_input(path: &Path) -> bool {
     path.as_os_str() == STANDARD_INPUT
 }
 
-/// A file that is read, on one line, as messages name it; `-` is standard input.
+/// Formats the name of an input file for messages, on one line; `-` becomes "standard input".
 pub fn name_of_input(path: &Path) -> String {
     if is_standard_input(path) { "standard input".to_owned() } else { name(path) }
 }

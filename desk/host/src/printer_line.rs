@@ -1,4 +1,4 @@
-//! The line to a printer: a serial port of this computer, or a TCP connection, as a [`Port`].
+//! Connection to a printer over a serial port of this computer or TCP, as a [`Port`].
 
 use std::fmt;
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -15,15 +15,15 @@ use crate::connection::connect;
 use crate::printable;
 use crate::send::Port;
 
-/// Longest time of one read; a longer wait repeats it.
+/// Timeout of one read; a longer wait repeats the read.
 const READ: Duration = Duration::from_millis(100);
 
 /// The address of a printer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Address {
-    /// A serial port by its name: `/dev/ttyACM0`, `COM3`.
+    /// Name of a serial port: `/dev/ttyACM0`, `COM3`.
     Serial(String),
-    /// Host and port, `tcp:octopi.local:5000`.
+    /// Host and port, written `tcp:octopi.local:5000`.
     Tcp(String),
 }
 
@@ -54,16 +54,16 @@ impl fmt::Display for Address {
 /// A serial port of this computer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FoundPort {
-    /// Name, as [`Address::Serial`] takes it.
+    /// Name of the port, as [`Address::Serial`] takes it.
     pub name: String,
-    /// Vendor and product number, where it is on USB.
+    /// Vendor and product ID of a USB port.
     pub usb: Option<(u16, u16)>,
-    /// The device's own names: maker, product, serial number.
+    /// Manufacturer, product and serial number as the device reports them.
     pub product: String,
 }
 
 impl FoundPort {
-    /// Returns true if its USB numbers are those of this firmware.
+    /// Returns true if the port has this firmware's USB vendor and product IDs.
     #[must_use]
     pub fn is_ours(&self) -> bool {
         self.usb == Some((ferrostep_usb::VENDOR_ID, ferrostep_usb::PRODUCT_ID))
@@ -85,7 +85,7 @@ impl From<SerialPortInfo> for FoundPort {
     }
 }
 
-/// The serial ports of this computer, those on USB first.
+/// Lists the serial ports of this computer, USB ports first.
 ///
 /// # Errors
 /// The operating system cannot list them.
@@ -96,7 +96,8 @@ pub fn ports() -> Result<Vec<FoundPort>, String> {
     Ok(ports)
 }
 
-/// The sending end of a line. Of several, each sends whole what it is given at once.
+/// Sending end of a line. Clones share the line; each call of [`Self::send`] writes its bytes
+/// without interruption by another clone.
 #[derive(Clone)]
 pub struct LineOutput(Arc<Mutex<Box<dyn Write + Send>>>);
 
@@ -153,20 +154,20 @@ impl PrinterLine {
         }
     }
 
-    /// Another sending end, for bytes that must not wait their turn.
+    /// Returns another sending end, for bytes that must not wait their turn.
     #[must_use]
     pub fn output(&self) -> LineOutput {
         self.output.clone()
     }
 
-    /// A line with these two ends. Reads may time out: they are repeated.
+    /// Creates a line from a reader and a writer. Reads that time out are repeated.
     pub fn over(input: impl Read + Send + 'static, output: impl Write + Send + 'static) -> Self {
         let (heard, lines) = channel();
         thread::spawn(move || {
             let mut input = BufReader::new(input);
             let mut line = Vec::new();
             loop {
-                // The part of a line that came before the time was over stays in the buffer.
+                // On a timeout the bytes read so far stay in the buffer.
                 match input.read_until(b'\n', &mut line) {
                     Ok(0) => break,
                     Ok(_) => {
@@ -209,7 +210,7 @@ fn unreached(error: &io::Error) -> String {
     }
 }
 
-/// Checks the file of this name before it is opened for writing.
+/// Checks that the name is a serial port before the file is opened for writing.
 #[cfg(unix)]
 fn refuse_what_is_no_port(name: &str) -> Result<(), String> {
     use std::os::unix::fs::FileTypeExt;

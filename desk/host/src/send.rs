@@ -1,4 +1,4 @@
-//! Sends a prepared job, or G-code, to a board.
+//! Sends a prepared job or G-code to a board.
 
 mod ask;
 mod begin_packing;
@@ -32,25 +32,24 @@ use ferrostep_gpre::transfer::{Report, Sender, Word};
 use meeting::meet;
 use protocol::numbered;
 
-/// Number of the board's last lines that an error repeats.
+/// Number of the board's last lines that an error includes.
 const REMEMBERED_LINES: usize = 6;
 
-/// Commands that open a transfer, each answered by an `ok`.
+/// Number of commands that open a transfer; the board answers each with an `ok`.
 const BEGINNING_COMMANDS: u32 = 2;
 
-/// Attempts to open a transfer that the board answers with `ok` but without a report. The
-/// first answer may be meant for an earlier host; after this many attempts the board does not
-/// know prepared jobs.
+/// Maximum number of attempts to open a transfer that the board answers with `ok` but without a
+/// report. The first answer may be meant for an earlier host; after this many attempts the board is
+/// taken not to know prepared jobs.
 const MAX_UNREPORTED: u32 = 2;
 
-/// The board's answer to a transfer that begins during another one.
+/// Answer of a board that is asked to begin a transfer during another one.
 const OTHER_JOB: &str = "echo:gpre: another job is being received";
 
-/// Sends a job and waits until the board has executed it, or stops. `watch` hears the lines of the
-/// board that are not reports, and may end the job.
+/// Sends a job and waits until the board has executed or stopped it. `watch` hears the board's
+/// lines that are not reports, and may end the job.
 ///
-/// A board that is already in the middle of the same job, because its host was
-/// restarted, continues it.
+/// A board that is already in the middle of the same job, because the host restarted, continues it.
 ///
 /// # Errors
 /// The board does not answer, does not take the job, or is gone; or `watch` wants the end. A
@@ -69,7 +68,7 @@ pub fn send(
     port.send(begin.as_bytes())?;
     let mut asked = port.now();
     let mut last = asked;
-    // Commands accepted since the transfer was last opened; openings that were accepted
+    // Commands accepted since the transfer was last opened, and openings that the board accepted
     // without a report.
     let (mut accepted, mut unreported) = (0, 0);
     loop {
@@ -128,11 +127,11 @@ pub fn send(
     }
 }
 
-/// Ends a transfer: aborts it, stops the motion under way, and waits until the board reports the
-/// end, after which it executes lines again. A board that reports nothing is given up.
+/// Aborts a transfer: stops the motion under way and waits until the board reports the end, after
+/// which it executes lines again. Gives up on a board that reports nothing.
 fn abort(port: &mut impl Port, sender: &mut Sender, patience: Patience) -> Result<(), SendError> {
-    // M410 acts as its bytes arrive; without it the moves that the board has already
-    // are executed first.
+    // M410 acts as soon as its bytes arrive; without it the board would first execute the moves
+    // that it already has.
     port.send(&[&sender.abort()[..], b"\nM410\n"].concat())?;
     let until = port.now() + patience.give_up;
     while sender.end().is_none() {
@@ -142,7 +141,7 @@ fn abort(port: &mut impl Port, sender: &mut Sender, patience: Patience) -> Resul
     Ok(())
 }
 
-/// A report in words.
+/// Describes a report in words.
 pub fn describe(report: &Report) -> String {
     let [place, frame] = report.numbers;
     match report.word {

@@ -1,21 +1,21 @@
-//! The frame: each of X and Y hangs on a spring that rings, or on two.
+//! Models the frame: X and Y each hang on one or two springs that ring.
 //!
 //! A mode follows the command `u` as `x'' + 2 z w x' + w^2 x = w^2 u`. While the command is a
-//! parabola in time the solution is known in closed form, so the state is exact at every event,
-//! whatever the time between two of them.
+//! parabola in time, the solution is known in closed form, so the state is exact at every event,
+//! however far apart two events are.
 
 use crate::motion::Motion;
 use std::f64::consts::TAU;
 use std::fmt;
 use std::ops::RangeInclusive;
 
-/// Frequencies of a mode, Hz.
+/// Range of a mode's frequency, Hz.
 pub const FREQUENCY_HZ: RangeInclusive<f64> = 1.0..=1000.0;
 
-/// Damping ratios of a mode.
+/// Range of a mode's damping ratio.
 pub const DAMPING: RangeInclusive<f64> = 0.0..=0.95;
 
-/// A mode of one coordinate and its state.
+/// Mode of one coordinate and its state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mode {
     omega: f64,
@@ -26,10 +26,10 @@ pub struct Mode {
 }
 
 impl Mode {
-    /// A mode at rest at 0.
+    /// Creates a mode at rest at 0.
     ///
     /// # Errors
-    /// Frequency or damping out of range.
+    /// Frequency or damping is out of range.
     pub fn new(frequency_hz: f64, damping: f64) -> Result<Self, FrameError> {
         if !FREQUENCY_HZ.contains(&frequency_hz) {
             return Err(FrameError::Frequency(frequency_hz));
@@ -42,17 +42,17 @@ impl Mode {
         Ok(Self { omega, damping, damped_omega, position_mm: 0.0, speed_mm_per_s: 0.0 })
     }
 
-    /// Position, mm.
+    /// Returns the position, mm.
     pub const fn position_mm(&self) -> f64 {
         self.position_mm
     }
 
-    /// Speed, mm/s.
+    /// Returns the speed, mm/s.
     pub const fn speed_mm_per_s(&self) -> f64 {
         self.speed_mm_per_s
     }
 
-    /// Acceleration towards the commanded motion, mm/s^2.
+    /// Returns the acceleration towards the commanded motion, mm/s^2.
     pub fn acceleration_mm_per_s2(&self, command: Motion) -> f64 {
         let away_mm = command.position_mm - self.position_mm;
         self.omega * (self.omega * away_mm - 2.0 * self.damping * self.speed_mm_per_s)
@@ -71,8 +71,7 @@ impl Mode {
         }
     }
 
-    /// Advances time while the command moves on from `command` with its
-    /// acceleration held.
+    /// Advances time while the command continues from `command` at constant acceleration.
     pub fn advance(&mut self, time_s: f64, command: Motion) {
         let (start, end) = (self.steady(command), self.steady(command.after(time_s)));
         let away_mm = self.position_mm - start.position_mm;
@@ -87,7 +86,7 @@ impl Mode {
             end.speed_mm_per_s + left * (away_mm_per_s * cosine - cross_speed / self.damped_omega * sine);
     }
 
-    /// Amplitude with which it rings around its steady motion, mm.
+    /// Returns the amplitude with which the mode rings around its steady motion, mm.
     pub fn ringing_mm(&self, command: Motion) -> f64 {
         let steady = self.steady(command);
         let away_mm = self.position_mm - steady.position_mm;
@@ -95,20 +94,20 @@ impl Mode {
         away_mm.hypot((away_mm_per_s + self.damping * self.omega * away_mm) / self.damped_omega)
     }
 
-    /// The coordinate is called by another number from now on.
+    /// Changes the origin of the coordinate; nothing moves.
     fn shift(&mut self, by_mm: f64) {
         self.position_mm += by_mm;
     }
 }
 
-/// A second mode of both axes.
+/// Second mode of both axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SecondMode {
-    /// Frequency as a multiple of the first one's.
+    /// Frequency as a multiple of the first mode's.
     pub frequency_ratio: f64,
     /// Damping ratio.
     pub damping: f64,
-    /// Share in the nozzle's place, the first mode's being 1.
+    /// Amplitude in the nozzle's position, relative to the first mode's.
     pub amplitude: f64,
 }
 
@@ -122,34 +121,34 @@ impl Default for SecondMode {
 /// Parameters of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameSettings {
-    /// Undamped frequencies of X and Y, Hz.
+    /// Undamped frequencies of the first modes of X and Y, Hz.
     pub frequency_hz: [f64; 2],
-    /// Damping ratio of both.
+    /// Damping ratio of both first modes.
     pub damping: f64,
-    /// A second mode of both.
+    /// Second mode of both axes, if any.
     pub second: Option<SecondMode>,
 }
 
 impl FrameSettings {
-    /// 50 Hz in X, 40 Hz in Y (the bed), damping 0.06: a printer of the usual kind.
+    /// Frame of a common printer: 50 Hz in X, 40 Hz in Y (the bed), damping 0.06.
     pub const USUAL: Self = Self { frequency_hz: [50.0, 40.0], damping: 0.06, second: None };
 }
 
 impl Default for FrameSettings {
-    /// [`Self::USUAL`].
+    /// Returns [`Self::USUAL`].
     fn default() -> Self {
         Self::USUAL
     }
 }
 
-/// A frame is not described by these numbers.
+/// Reason why a frame cannot have these settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FrameError {
-    /// A frequency, Hz, is out of range.
+    /// A frequency is out of range; its value, Hz.
     Frequency(f64),
-    /// A damping ratio is out of range.
+    /// A damping ratio is out of range; its value.
     Damping(f64),
-    /// The second mode's amplitude is negative or no number.
+    /// The second mode's amplitude is not within 0 to 1, or not a number; its value.
     Amplitude(f64),
 }
 
@@ -170,7 +169,7 @@ impl fmt::Display for FrameError {
 
 impl std::error::Error for FrameError {}
 
-/// One coordinate of the frame: the mean of its modes, weighted by their amplitudes.
+/// Coordinate of the frame: the mean of its modes, weighted by their amplitudes.
 #[derive(Clone, Copy, Debug)]
 struct Axis {
     first: Mode,
@@ -193,17 +192,17 @@ impl Axis {
     }
 }
 
-/// X and Y of a frame and their state.
+/// X and Y of a frame, and their state.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame {
     axes: [Axis; 2],
 }
 
 impl Frame {
-    /// A frame at rest with the nozzle at X0 Y0.
+    /// Creates a frame at rest with the nozzle at X0 Y0.
     ///
     /// # Errors
-    /// A number is out of range.
+    /// A setting is out of range.
     pub fn new(settings: &FrameSettings) -> Result<Self, FrameError> {
         let axis = |frequency_hz: f64| -> Result<Axis, FrameError> {
             let second = match settings.second {
@@ -221,8 +220,7 @@ impl Frame {
         Ok(Self { axes: [axis(x)?, axis(y)?] })
     }
 
-    /// Advances time while the motors move X and Y on from `command` with their
-    /// accelerations held.
+    /// Advances time while the motors' X and Y continue from `command` at constant accelerations.
     pub fn advance(&mut self, time_s: f64, command: [Motion; 2]) {
         for (axis, command) in self.axes.iter_mut().zip(command) {
             axis.each(|mode| mode.advance(time_s, command));
@@ -239,13 +237,13 @@ impl Frame {
         self.axes.map(|axis| axis.mean(Mode::speed_mm_per_s))
     }
 
-    /// Amplitude with which X and Y ring around the command, mm.
+    /// Returns the amplitude with which X and Y ring around the command, mm.
     pub fn ringing_mm(&self, command: [Motion; 2]) -> f64 {
         let [x, y] = [0, 1].map(|axis: usize| self.axes[axis].mean(|mode| mode.ringing_mm(command[axis])));
         x.hypot(y)
     }
 
-    /// The coordinates get other numbers, as after homing; nothing moves.
+    /// Changes the origin of the coordinates, as homing does; nothing moves.
     pub fn shift(&mut self, by_mm: [f64; 2]) {
         for (axis, by_mm) in self.axes.iter_mut().zip(by_mm) {
             axis.each(|mode| mode.shift(by_mm));

@@ -1,5 +1,4 @@
-//! Laws of motion in pieces, and what a filter makes of them: the reference for
-//! shaped motion, in f64.
+//! Laws of motion in pieces, and their shaped forms: the f64 reference for shaped motion.
 
 mod cursor;
 mod pieces;

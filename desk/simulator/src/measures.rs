@@ -18,49 +18,50 @@ use std::collections::VecDeque;
 /// Accelerations are differences over this many samples: 1 ms.
 const DIFFERENCE_SAMPLES: usize = 4;
 
-/// The same in seconds.
+/// Interval of these differences, s.
 const DIFFERENCE_S: f64 = DIFFERENCE_SAMPLES as f64 * SAMPLE_S;
 
-/// Maximum time by which the nozzle leads or lags the plan, s: a shaper's half length and
-/// the frame's lag.
+/// Maximum time by which the nozzle leads or lags the plan, s: half a shaper's length plus the
+/// frame's lag.
 pub const WINDOW_S: f64 = 0.03;
 
-/// Maximum number of samples that wait for the path: 10 min. Only the end of a longer
-/// move is measured.
+/// Maximum number of samples that wait for the path: 10 min. Only the end of a longer move is
+/// measured.
 const MAX_WAITING: usize = 2_400_000;
 
-/// Pause of the motion after which it has stopped, s.
+/// Duration of a pause after which the motion counts as stopped, s.
 pub const STOP_S: f64 = 0.02;
 
-/// Contour error, um: distance of the nozzle from the programmed path while printing,
-/// over equal times.
+/// Contour error, um: distance of the nozzle from the programmed path while printing, sampled at
+/// equal times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ContourError {
-    /// Root of the mean square.
+    /// Root mean square.
     pub rms: f64,
-    /// Value not exceeded in 99 % of the time.
+    /// Value not exceeded 99 % of the time.
     pub p99: f64,
-    /// The largest.
+    /// Maximum.
     pub max: f64,
 }
 
-/// Ringing of the nozzle around the position of the motors after they stop.
+/// Ringing of the nozzle around the motors' position after they stop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Ringing {
     /// Number of stops of X and Y.
     pub stops: u64,
-    /// Root of the mean square of the amplitudes, um.
+    /// Root mean square of the amplitudes, um.
     pub rms_um: f64,
-    /// The largest amplitude, um.
+    /// Maximum amplitude, um.
     pub max_um: f64,
-    /// `rms_um` as a part of that of the same job planned without any filter; missing where that
-    /// plan is not known.
+    /// `rms_um` relative to that of the same job planned without any filter; missing if that plan
+    /// is unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub relative: Option<f64>,
 }
 
 impl Ringing {
-    /// The same, beside that of the plan without filters; nothing, if that does not ring.
+    /// Sets `relative` from the ringing of the plan without filters; `None` if that plan does not
+    /// ring.
     pub fn relative_to(self, unfiltered: &Self) -> Self {
         let relative = (unfiltered.rms_um > 0.0).then(|| self.rms_um / unfiltered.rms_um);
         Self { relative, ..self }
@@ -70,33 +71,33 @@ impl Ringing {
 /// Acceleration of the motors in X and Y while printing, by second differences over 1 ms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct TrueAcceleration {
-    /// Value not exceeded in 99 % of the time.
+    /// Value not exceeded 99 % of the time.
     pub p99: f64,
-    /// The largest.
+    /// Maximum.
     pub max: f64,
 }
 
-/// The extruder's motor, by differences over 1 ms.
+/// Motion of the extruder's motor, by differences over 1 ms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ExtruderReport {
-    /// Largest speed of the filament, mm/s.
+    /// Maximum speed of the filament, mm/s.
     pub max_speed_mm_per_s: f64,
-    /// Largest acceleration of the filament, mm/s^2.
+    /// Maximum acceleration of the filament, mm/s^2.
     pub max_acceleration_mm_per_s2: f64,
-    /// Largest speed while printing, mm/s.
+    /// Maximum speed while printing, mm/s.
     pub max_printing_speed_mm_per_s: f64,
-    /// Largest acceleration while printing, mm/s^2.
+    /// Maximum acceleration while printing, mm/s^2.
     pub max_printing_acceleration_mm_per_s2: f64,
 }
 
 /// All measures of a job.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
-    /// Time of the motion, s.
+    /// Duration of the motion, s.
     pub time_s: f64,
     /// Distance of the nozzle from the path.
     pub contour_error_um: ContourError,
-    /// Material that is not where it should be.
+    /// Misplaced material.
     #[serde(flatten)]
     pub bead: BeadReport,
     /// Vibration after stops.
@@ -109,7 +110,7 @@ pub struct Report {
     pub printing_time_s: f64,
 }
 
-/// Takes samples and the path, in any interleaving, and measures.
+/// Takes samples and the path, interleaved in any way, and measures.
 #[derive(Debug)]
 pub struct Measures {
     path: PathWindow,
@@ -140,24 +141,25 @@ impl Default for Measures {
 }
 
 impl Measures {
-    /// Measures that also keep the motion around the largest error and after the strongest stop.
+    /// Creates measures that also keep the motion around the largest error and after the strongest
+    /// stop.
     pub fn with_snapshots() -> Self {
         Self { snapshots: Some(Snapshots::default()), ..Self::default() }
     }
 
-    /// The next part of the path.
+    /// Appends the next part of the path.
     pub fn push_segment(&mut self, segment: PathSegment) {
         self.bead.push_segment(&segment, self.path.length_mm());
         self.path.push(segment);
         self.work(false);
     }
 
-    /// The path is complete up to a time, s.
+    /// Marks the path as complete up to a time, s.
     pub fn nothing_until(&mut self, time_s: f64) {
         self.path.nothing_until(time_s);
     }
 
-    /// The next sample.
+    /// Appends the next sample.
     pub fn push_sample(&mut self, sample: Sample) {
         self.waiting.push_back(sample);
         self.work(false);
@@ -167,7 +169,7 @@ impl Measures {
         }
     }
 
-    /// X and Y have stopped, and the nozzle rings with this amplitude, mm.
+    /// Records a stop of X and Y after which the nozzle rings with this amplitude, mm.
     pub fn stopped(&mut self, time_s: f64, amplitude_mm: f64) {
         let amplitude_um = amplitude_mm * 1000.0;
         if let Some(snapshots) = self.snapshots.as_mut().filter(|_| amplitude_um > self.ringing_um.max()) {
@@ -176,13 +178,13 @@ impl Measures {
         self.ringing_um.add(amplitude_um);
     }
 
-    /// Length of the path so far, mm.
+    /// Returns the length of the path so far, mm.
     #[cfg(test)]
     pub(crate) const fn path_mm(&self) -> f64 {
         self.path.length_mm()
     }
 
-    /// Samples that wait for the path.
+    /// Returns the number of samples that wait for the path.
     #[cfg(test)]
     pub(crate) fn waiting_samples(&self) -> usize {
         self.waiting.len()
@@ -256,7 +258,7 @@ impl Measures {
         }
     }
 
-    /// The measures, and the motion kept for pictures.
+    /// Returns the measures, and the motion kept for pictures.
     pub fn finish(mut self, time_s: f64) -> (Report, Option<Snapshots>) {
         self.work(true);
         let report = Report {

@@ -2,7 +2,7 @@
 
 use std::ops::{Add, Sub};
 
-/// Motion of a coordinate at an instant; with the acceleration held it is a parabola in time.
+/// Motion of a coordinate at an instant; at constant acceleration it is a parabola in time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motion {
     /// Position, mm.
@@ -14,12 +14,12 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Standing at a position.
+    /// Creates a motion at rest at a position.
     pub const fn standing(position_mm: f64) -> Self {
         Self { position_mm, speed_mm_per_s: 0.0, acceleration_mm_per_s2: 0.0 }
     }
 
-    /// The motion after a time with this acceleration; before, if it is negative.
+    /// Returns the motion after a time at constant acceleration; before, if the time is negative.
     pub fn after(self, time_s: f64) -> Self {
         let speed = self.speed_mm_per_s + self.acceleration_mm_per_s2 * time_s;
         Self {
@@ -29,12 +29,12 @@ impl Motion {
         }
     }
 
-    /// Returns true if neither speed nor acceleration is left.
+    /// Returns true if speed and acceleration are 0, to within rounding.
     pub fn is_standing(self) -> bool {
         self.speed_mm_per_s.abs() < 1e-9 && self.acceleration_mm_per_s2.abs() < 1e-6
     }
 
-    /// The sum, `other` times a factor.
+    /// Adds `factor` times `other`.
     pub fn plus(self, factor: f64, other: Self) -> Self {
         Self {
             position_mm: self.position_mm + factor * other.position_mm,

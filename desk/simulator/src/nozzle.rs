@@ -1,22 +1,24 @@
-//! The nozzle: filament that is pushed in compresses what is before it, and pressure drives it out.
+//! Models the nozzle: filament that is pushed in compresses the material ahead of it, and the
+//! pressure drives it out.
 //!
-//! The state is the compressed volume. Flow is a piecewise linear function of it: with one slope it
-//! is volume over time constant, which is what linear pressure advance undoes; with two, the second
-//! one holds above a flow. Below zero is the gap that a retraction leaves: nothing flows until it
-//! is filled. For a constant feed the state is known in closed form.
+//! The state is the compressed volume. The flow is a piecewise linear function of it. With one
+//! slope it is the volume divided by the time constant, which linear pressure advance undoes; with
+//! two slopes, the second one applies above a given flow. A negative volume is the gap that a
+//! retraction leaves: nothing flows until the gap is filled. For a constant feed the state is known
+//! in closed form.
 
 use std::fmt;
 use std::ops::RangeInclusive;
 
-/// Time constants, s; 0 would be a nozzle without pressure.
+/// Range of time constants, s; 0 would be a nozzle without pressure.
 pub const TIME_CONSTANT_S: RangeInclusive<f64> = 0.001..=2.0;
 
-/// A second slope.
+/// Second slope of a nozzle's flow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SecondSlope {
-    /// Flow above which it holds, mm^3/s.
+    /// Flow above which the second slope applies, mm^3/s.
     pub above_mm3_per_s: f64,
-    /// Compressed volume for each mm^3/s beyond, s.
+    /// Compressed volume for each mm^3/s above that flow, s.
     pub time_constant_s: f64,
 }
 
@@ -25,23 +27,23 @@ pub struct SecondSlope {
 pub struct NozzleSettings {
     /// Compressed volume for each mm^3/s of flow, s: Klipper's `pressure_advance`, Marlin's K.
     pub time_constant_s: f64,
-    /// Less (or more) of it where the flow is large.
+    /// Second slope, with a smaller (or larger) time constant at large flows.
     pub second: Option<SecondSlope>,
 }
 
 impl Default for NozzleSettings {
-    /// A direct extruder: 0.04 s, one slope.
+    /// Returns the nozzle of a direct extruder: 0.04 s, one slope.
     fn default() -> Self {
         Self { time_constant_s: 0.04, second: None }
     }
 }
 
-/// A nozzle is not described by these numbers.
+/// Reason why a nozzle cannot have these settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum NozzleError {
-    /// A time constant, s, is out of range.
+    /// A time constant is out of range; its value, s.
     TimeConstant(f64),
-    /// The flow at which the second slope begins, mm^3/s, is not positive.
+    /// The flow at which the second slope begins is not positive; its value, mm^3/s.
     Flow(f64),
 }
 
@@ -61,15 +63,15 @@ impl fmt::Display for NozzleError {
 
 impl std::error::Error for NozzleError {}
 
-/// A nozzle and its state.
+/// Nozzle and its state.
 #[derive(Clone, Copy, Debug)]
 pub struct Nozzle {
     settings: NozzleSettings,
-    /// Negative: the gap after a retraction.
+    /// Compressed volume; negative for the gap after a retraction.
     compressed_mm3: f64,
 }
 
-/// A part of the flow's curve: the flow at its lower end and its slope.
+/// Part of the flow curve: its ends, the flow at its lower end, and its slope.
 struct Part {
     from_mm3: f64,
     to_mm3: f64,
@@ -78,10 +80,10 @@ struct Part {
 }
 
 impl Nozzle {
-    /// A nozzle without pressure.
+    /// Creates a nozzle without pressure.
     ///
     /// # Errors
-    /// A number is out of range.
+    /// A setting is out of range.
     pub fn new(settings: NozzleSettings) -> Result<Self, NozzleError> {
         let second = settings.second.map(|second| second.time_constant_s);
         for value in [Some(settings.time_constant_s), second].into_iter().flatten() {
@@ -106,7 +108,8 @@ impl Nozzle {
         part.flow_mm3_per_s + (self.compressed_mm3 - part.from_mm3) * part.per_s
     }
 
-    /// The part of the curve that the state is in; at a joint, the one it moves into.
+    /// Returns the part of the curve that contains the state; at a joint, the part that the state
+    /// moves into.
     fn part(&self, rising: bool) -> Part {
         let NozzleSettings { time_constant_s, second } = self.settings;
         let volume = self.compressed_mm3;
@@ -125,12 +128,12 @@ impl Nozzle {
         }
     }
 
-    /// Advances time while filament is pushed in, mm^3/s; returns the volume that has come out,
-    /// mm^3.
+    /// Advances time while filament is pushed in at a rate in mm^3/s; returns the volume that has
+    /// come out, mm^3.
     pub fn advance(&mut self, time_s: f64, feed_mm3_per_s: f64) -> f64 {
         let before_mm3 = self.compressed_mm3;
         let mut left_s = time_s;
-        // A state moves one way under a constant feed: it passes each joint once.
+        // The state moves in one direction under a constant feed, so it passes each joint once.
         for _ in 0..4 {
             let rising = feed_mm3_per_s > self.flow_mm3_per_s();
             let part = self.part(rising);
@@ -146,7 +149,8 @@ impl Nozzle {
 }
 
 impl Part {
-    /// The state after at most `time_s` or at the part's end, and the time that took.
+    /// Returns the state after `time_s` or at the part's end, whichever comes first, and the time
+    /// until then.
     fn step(&self, volume_mm3: f64, feed: f64, time_s: f64, rising: bool) -> (f64, f64) {
         let joint_mm3 = if rising { self.to_mm3 } else { self.from_mm3 };
         if self.per_s == 0.0 {

@@ -1,34 +1,34 @@
-//! The programmed path, with the times at which the plan passes it.
+//! Programmed path, with the times at which the plan passes it.
 
 use std::collections::VecDeque;
 
-/// A straight part of the programmed path in X and Y.
+/// Straight part of the programmed path in X and Y.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathSegment {
-    /// Time at which the plan, without any filter, begins it, s.
+    /// Time at which the plan, without any filter, begins the segment, s.
     pub start_s: f64,
-    /// Time at which the plan ends it, s.
+    /// Time at which the plan ends the segment, s.
     pub end_s: f64,
     /// Start point, mm.
     pub from_mm: [f64; 2],
     /// End point, mm.
     pub to_mm: [f64; 2],
-    /// Cross-section of the material along it, mm^2 (that is mm^3/mm); 0 on a travel.
+    /// Cross-section of the material along the segment, mm^2 (that is, mm^3/mm); 0 on a travel.
     pub bead_mm2: f64,
 }
 
 impl PathSegment {
-    /// Length, mm.
+    /// Returns the length, mm.
     pub fn length_mm(&self) -> f64 {
         (self.to_mm[0] - self.from_mm[0]).hypot(self.to_mm[1] - self.from_mm[1])
     }
 
-    /// Returns true if material is laid along it.
+    /// Returns true if material is laid along the segment.
     pub fn is_printing(&self) -> bool {
         self.bead_mm2 > 0.0
     }
 
-    /// Direction, of length 1; 0 for a point.
+    /// Returns the direction as a unit vector; zero for a point.
     pub fn direction(&self) -> [f64; 2] {
         let length_mm = self.length_mm();
         if length_mm == 0.0 {
@@ -37,7 +37,8 @@ impl PathSegment {
         [(self.to_mm[0] - self.from_mm[0]) / length_mm, (self.to_mm[1] - self.from_mm[1]) / length_mm]
     }
 
-    /// Distance of a point, mm, and where along the segment the nearest point is, mm.
+    /// Returns the distance of a point from the segment, mm, and the position of the nearest point
+    /// along the segment, mm.
     pub fn nearest(&self, [x, y]: [f64; 2]) -> (f64, f64) {
         let ([x0, y0], [x1, y1]) = (self.from_mm, self.to_mm);
         let (dx, dy) = (x1 - x0, y1 - y0);
@@ -47,7 +48,7 @@ impl PathSegment {
     }
 }
 
-/// The part of the path around the present.
+/// Window of the path around the present time.
 #[derive(Clone, Debug, Default)]
 pub struct PathWindow {
     segments: VecDeque<(PathSegment, f64)>,
@@ -56,44 +57,44 @@ pub struct PathWindow {
 }
 
 impl PathWindow {
-    /// Appends a segment; they come in the order of their times.
+    /// Appends a segment; segments must come in order of time.
     pub fn push(&mut self, segment: PathSegment) {
         self.segments.push_back((segment, self.length_mm));
         self.length_mm += segment.length_mm();
         self.known_until_s = self.known_until_s.max(segment.end_s);
     }
 
-    /// Time up to which the path is known, s.
+    /// Returns the time up to which the path is known, s.
     pub const fn known_until_s(&self) -> f64 {
         self.known_until_s
     }
 
-    /// Marks the path as complete up to this time: the motors stood, or moved only Z
-    /// or the extruder.
+    /// Marks the path as complete up to this time, s: the motors were at rest, or moved only Z or
+    /// the extruder.
     pub fn nothing_until(&mut self, time_s: f64) {
         self.known_until_s = self.known_until_s.max(time_s);
     }
 
-    /// Length of all segments so far, mm.
+    /// Returns the length of all segments so far, mm.
     pub const fn length_mm(&self) -> f64 {
         self.length_mm
     }
 
-    /// Drops what ended before a time, but for the last segment.
+    /// Drops the segments that ended before a time, except the last one.
     pub fn forget_before(&mut self, time_s: f64) {
         while self.segments.len() > 1 && self.segments.front().is_some_and(|(segment, _)| segment.end_s < time_s) {
             self.segments.pop_front();
         }
     }
 
-    /// The segment that the plan passes at a time.
+    /// Returns the segment that the plan passes at a time.
     pub fn at(&self, time_s: f64) -> Option<&PathSegment> {
         let index = self.segments.partition_point(|(segment, _)| segment.end_s <= time_s);
         self.segments.get(index).map(|(segment, _)| segment).filter(|segment| segment.start_s <= time_s)
     }
 
-    /// The nearest of the segments that the plan passes between two times: distance, place along
-    /// the whole path, segment.
+    /// Returns the nearest of the segments that the plan passes between two times: its distance,
+    /// the position along the whole path, and the segment.
     pub fn nearest(&self, point_mm: [f64; 2], [from_s, to_s]: [f64; 2]) -> Option<(f64, f64, &PathSegment)> {
         let mut best: Option<(f64, f64, &PathSegment)> = None;
         let first = self.segments.partition_point(|(segment, _)| segment.end_s < from_s);

@@ -1,5 +1,5 @@
-//! A plan as laws of the axes and the filament, and its simulation: position as a function of
-//! time, without steps.
+//! Represents a plan as laws of the axes and the filament, and simulates it: position as a function
+//! of time, without steps.
 
 mod extruder;
 
@@ -16,20 +16,20 @@ use crate::shapers::Shaper;
 use ferrostep_oracle::reference::{EXTRUDER_FRACTIONS_PER_UNIT, Job, Move, Trapezoid, UNITS_PER_MM};
 use std::fmt;
 
-/// Simulated before a plan's beginning and after its end, s: shapers look ahead, and what
-/// rings must be seen.
+/// Time simulated before a plan's start and after its end, s: shapers look ahead, and the ringing
+/// afterwards must be covered.
 const MARGIN_S: f64 = 0.3;
 
-/// Speeds of a move along its path (along the filament, if only that moves).
+/// Speeds of a move along its path, or along the filament if only that moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MoveSpeeds {
     /// Speed at its start, mm/s.
     pub entry_mm_per_s: f64,
-    /// Speed in its middle, mm/s.
+    /// Cruise speed, mm/s.
     pub cruise_mm_per_s: f64,
     /// Speed at its end, mm/s.
     pub exit_mm_per_s: f64,
-    /// Acceleration of both ramps, mm/s^2.
+    /// Magnitude of the acceleration of both ramps, mm/s^2.
     pub acceleration_mm_per_s2: f64,
 }
 
@@ -44,19 +44,19 @@ impl From<Trapezoid> for MoveSpeeds {
     }
 }
 
-/// A move's geometry.
+/// Geometry of a move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MoveShape {
     /// Travel of X, Y, Z, mm.
     pub axes_mm: [f64; 3],
-    /// Filament, mm.
+    /// Filament fed, mm; negative when it is retracted.
     pub filament_mm: f64,
-    /// Length along which the speeds count, mm.
+    /// Length along which the speeds are measured, mm.
     pub length_mm: f64,
 }
 
 impl MoveShape {
-    /// The shape of a move.
+    /// Returns the shape of a move of the oracle.
     pub fn of(one: &Move) -> Self {
         let mm = |units: i64| units as f64 / UNITS_PER_MM as f64;
         let axes_mm = [0, 1, 2].map(|axis: usize| mm(one.end_10nm[axis] - one.start_10nm[axis]));
@@ -64,14 +64,14 @@ impl MoveShape {
         Self::new(axes_mm, (one.extruder_end - one.extruder_start) as f64 / unit)
     }
 
-    /// The shape of a travel of X, Y, Z with this filament, mm.
+    /// Creates the shape of a displacement of X, Y, Z with this filament, mm.
     pub fn new(axes_mm: [f64; 3], filament_mm: f64) -> Self {
         let path_mm = axes_mm.iter().map(|travel| travel * travel).sum::<f64>().sqrt();
         let length_mm = if path_mm == 0.0 { filament_mm.abs() } else { path_mm };
         Self { axes_mm, filament_mm, length_mm }
     }
 
-    /// Cross-section of the laid line, mm^2; 0 on a travel.
+    /// Returns the cross-section of the printed line, mm^2; 0 on a travel.
     pub fn bead_mm2(&self, filament_mm2: f64) -> f64 {
         let [x, y, _] = self.axes_mm;
         let plane_mm = x.hypot(y);
@@ -79,20 +79,20 @@ impl MoveShape {
     }
 }
 
-/// A job, or the part of it between two homings, as laws of motion.
+/// Laws of motion of a job, or of the part of it between two homings.
 #[derive(Clone, Debug)]
 pub struct Plan {
     x: Law,
     y: Law,
     z: Law,
     filament: Law,
-    /// True where pressure advance applies, by piece.
+    /// True for each piece to which pressure advance applies.
     advances: Vec<bool>,
     path: Vec<PathSegment>,
     ends: Vec<MoveEnd>,
 }
 
-/// The end of a move that a trace has a record of.
+/// End of a move that a trace records.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct MoveEnd {
     pub time_s: f64,
@@ -101,8 +101,8 @@ pub(crate) struct MoveEnd {
 }
 
 impl Plan {
-    /// The plans of a job whose moves have these speeds: one, and another after each
-    /// homing on the way.
+    /// Builds the plans of a job whose moves have these speeds: one, and another after each homing
+    /// within the job.
     pub fn of_job(job: &Job, speeds: &[MoveSpeeds], filament_mm2: f64) -> Vec<Self> {
         let mut plans = Vec::new();
         let mut builder = PlanBuilder::new(filament_mm2);
@@ -116,60 +116,60 @@ impl Plan {
         plans
     }
 
-    /// Returns its duration, s.
+    /// Returns the plan's duration, s.
     pub fn duration_s(&self) -> f64 {
         let [start_s, end_s] = self.x.ends_s();
         end_s - start_s
     }
 
-    /// The laws of X and Y.
+    /// Returns the laws of X and Y.
     pub const fn laws(&self) -> [&Law; 2] {
         [&self.x, &self.y]
     }
 
-    /// The law of the filament.
+    /// Returns the law of the filament.
     pub const fn filament(&self) -> &Law {
         &self.filament
     }
 
-    /// The laws of X, Y and Z.
+    /// Returns the laws of X, Y and Z.
     pub(crate) const fn axes(&self) -> [&Law; 3] {
         [&self.x, &self.y, &self.z]
     }
 
-    /// The law of the filament with pressure advance.
+    /// Returns the law of the filament with pressure advance.
     pub(crate) fn advanced_filament(&self, advance_s: f64) -> Law {
         self.filament.advanced(advance_s, |index| self.advances[index])
     }
 
-    /// The ends of its moves, in order.
+    /// Returns the ends of the moves, in order.
     pub(crate) fn ends(&self) -> &[MoveEnd] {
         &self.ends
     }
 
-    /// The path in X and Y.
+    /// Returns the path in X and Y.
     pub fn path(&self) -> &[PathSegment] {
         &self.path
     }
 }
 
-/// A straight move as it is executed: a speed along its path at the start, and accelerations.
+/// Straight move as it is executed: its speed along the path at the start, and its accelerations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExecutedMove {
-    /// Line of the move in the G-code, if a trace has a record of its end.
+    /// Line of the move in the G-code, if a trace records its end.
     pub recorded_line: Option<u32>,
-    /// Start of X, Y, Z and the filament, mm.
+    /// Start position of X, Y, Z and the filament, mm.
     pub start_mm: [f64; 4],
     /// Geometry of the move.
     pub shape: MoveShape,
     /// Speed at its start, mm/s.
     pub entry_mm_per_s: f64,
-    /// Duration, s, and acceleration, mm/s^2, of its phases; those without duration are left out.
+    /// Duration, s, and acceleration, mm/s^2, of each phase; phases without duration are skipped.
     pub phases: [(f64, f64); 3],
 }
 
 impl ExecutedMove {
-    /// A move of a job with these speeds.
+    /// Creates a move of a job with these speeds.
     fn of(one: &Move, speeds: &MoveSpeeds) -> Self {
         let shape = MoveShape::of(one);
         let unit = EXTRUDER_FRACTIONS_PER_UNIT as f64 * UNITS_PER_MM as f64;
@@ -184,7 +184,7 @@ impl ExecutedMove {
     }
 }
 
-/// Appends move after move to a plan.
+/// Builds a plan move by move.
 #[derive(Debug)]
 pub struct PlanBuilder {
     filament_mm2: f64,
@@ -197,7 +197,7 @@ pub struct PlanBuilder {
 }
 
 impl PlanBuilder {
-    /// A plan without moves, for filament of this cross-section.
+    /// Creates a plan without moves, for filament of this cross-section, mm^2.
     pub fn new(filament_mm2: f64) -> Self {
         Self {
             filament_mm2,
@@ -209,7 +209,7 @@ impl PlanBuilder {
         }
     }
 
-    /// Appends a move, which begins where the one before ends.
+    /// Appends a move, which begins where the previous one ends.
     pub fn push(&mut self, one: &ExecutedMove) {
         let ExecutedMove { recorded_line, start_mm, shape, entry_mm_per_s, phases } = *one;
         let [x, y, z] = shape.axes_mm;
@@ -252,10 +252,10 @@ impl PlanBuilder {
     }
 }
 
-/// Phases that last no longer are left by rounding, s.
+/// Maximum duration of a phase that is only a rounding error, s.
 const MIN_PHASE_S: f64 = 1e-12;
 
-/// Durations and accelerations of a trapezoid.
+/// Returns the durations and accelerations of a trapezoid's phases.
 fn phases(speeds: &MoveSpeeds, length_mm: f64) -> [(f64, f64); 3] {
     let MoveSpeeds { entry_mm_per_s: entry, cruise_mm_per_s: cruise, exit_mm_per_s: exit, acceleration_mm_per_s2: a } =
         *speeds;
@@ -264,7 +264,7 @@ fn phases(speeds: &MoveSpeeds, length_mm: f64) -> [(f64, f64); 3] {
     [((cruise - entry) / a, a), (cruise_s, 0.0), ((cruise - exit) / a, -a)]
 }
 
-/// The time of each of a job's moves with these speeds, s.
+/// Returns the duration of each of a job's moves with these speeds, s.
 pub fn durations_s(job: &Job, speeds: &[MoveSpeeds]) -> Vec<f64> {
     let duration_s = |one: &Move, speeds: &MoveSpeeds| {
         let phases = phases(speeds, MoveShape::of(one).length_mm);
@@ -273,7 +273,7 @@ pub fn durations_s(job: &Job, speeds: &[MoveSpeeds]) -> Vec<f64> {
     job.moves.iter().zip(speeds).map(|(one, speeds)| duration_s(one, speeds)).collect()
 }
 
-/// Filters between a plan and the motors.
+/// Filters applied between a plan and the motors.
 #[derive(Clone, Debug)]
 pub struct Filters {
     /// Shapers of X and Y.
@@ -302,7 +302,7 @@ impl Default for Filters {
     }
 }
 
-/// Frame and nozzle that a plan or a trace is played on.
+/// Frame and nozzle on which a plan or a trace is played.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Machine {
     /// The frame.
@@ -311,12 +311,12 @@ pub struct Machine {
     pub nozzle: NozzleSettings,
 }
 
-/// A machine is not described by its numbers.
+/// Reason why a machine cannot have these settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MachineError {
-    /// The frame's.
+    /// The frame's settings are out of range.
     Frame(FrameError),
-    /// The nozzle's.
+    /// The nozzle's settings are out of range.
     Nozzle(NozzleError),
 }
 
@@ -332,20 +332,20 @@ impl fmt::Display for MachineError {
 impl std::error::Error for MachineError {}
 
 impl Machine {
-    /// Frame and nozzle at rest.
+    /// Creates the frame and the nozzle at rest.
     ///
     /// # Errors
-    /// A number is out of range.
+    /// A setting is out of range.
     pub fn at_rest(&self) -> Result<(Frame, Nozzle), MachineError> {
         let frame = Frame::new(&self.frame).map_err(MachineError::Frame)?;
         Ok((frame, Nozzle::new(self.nozzle).map_err(MachineError::Nozzle)?))
     }
 }
 
-/// Plays plans one after the other on a machine and measures.
+/// Plays plans one after the other on a machine and measures. Returns their total duration, s.
 ///
 /// # Errors
-/// The machine's numbers are out of range.
+/// The machine's settings are out of range.
 pub fn simulate(
     plans: &[Plan],
     filters: &Filters,
@@ -355,7 +355,7 @@ pub fn simulate(
 ) -> Result<f64, MachineError> {
     let (frame, nozzle) = machine.at_rest()?;
     let shapers = filters.shapers.clone().map(Shaper::centred);
-    // Plans are played with their margins between them, so that none sees the other's ringing.
+    // Each plan is played with its margins, so that none sees the ringing of another.
     let (mut base_s, mut time_s) = (0.0, 0.0);
     for plan in plans {
         let player = Player { plan, shapers: &shapers, filters, filament_mm2, base_s };
@@ -371,7 +371,7 @@ struct Player<'a> {
     shapers: &'a [Shaper; 2],
     filters: &'a Filters,
     filament_mm2: f64,
-    /// Time in the results of the plan's time 0, s.
+    /// Time of the plan's start in the results, s.
     base_s: f64,
 }
 
@@ -398,8 +398,8 @@ impl Player<'_> {
             let sample_s = -MARGIN_S + index as f64 * SAMPLE_S;
             while time_s < sample_s {
                 let until_s = x.next_breakpoint_s(time_s).min(y.next_breakpoint_s(time_s)).min(sample_s);
-                // The middle is inside one piece of every impulse, which the ends, by
-                // rounding, may not be.
+                // The middle lies within one piece for every impulse; the ends, because of
+                // rounding, may not.
                 let half_s = 0.5 * (until_s - time_s);
                 command = [x.at(time_s + half_s), y.at(time_s + half_s)].map(|one| one.after(-half_s));
                 if let Some(amplitude_mm) = rest.look(time_s, command, &frame) {
@@ -440,7 +440,7 @@ impl Player<'_> {
     }
 }
 
-/// Finds out when X and Y have stopped.
+/// Detects when X and Y have stopped.
 #[derive(Debug, Default)]
 struct Rest {
     since_s: f64,
@@ -449,8 +449,8 @@ struct Rest {
 }
 
 impl Rest {
-    /// Called where the motion may change; returns the amplitude at the stop's beginning once it
-    /// has lasted long enough.
+    /// Must be called wherever the motion may change. Returns the amplitude at the start of a stop
+    /// once the stop has lasted long enough.
     fn look(&mut self, time_s: f64, command: [Motion; 2], frame: &Frame) -> Option<f64> {
         if !command.iter().all(|one| one.is_standing()) {
             self.has_moved = true;

@@ -1,10 +1,10 @@
-//! Pictures of a simulation: the motion around the largest error, and after the strongest stop.
+//! Draws a simulation: the motion around the largest error, and around the strongest stop.
 
 use crate::measures::{Sample, Snapshots};
 use ferrostep_svg::{escaped, page};
 use std::fmt::Write;
 
-/// Width of a panel and the room around it, pixels.
+/// Width of a panel, the margin to its left, and the gap to the next column, pixels.
 const WIDTH: f64 = 460.0;
 const LEFT: f64 = 70.0;
 const GAP: f64 = 40.0;
@@ -12,22 +12,22 @@ const GAP: f64 = 40.0;
 /// Heights of the three panels of a column, pixels.
 const HEIGHTS: [f64; 3] = [360.0, 150.0, 150.0];
 
-/// Room above the first panel, pixels.
+/// Margin above the first panel, pixels.
 const TOP: f64 = 60.0;
 
-/// Room between two panels, for labels, pixels.
+/// Margin between two panels, for labels, pixels.
 const BETWEEN: f64 = 62.0;
 
-/// Classes of error by colours from good to bad that those who see few colours can tell apart.
+/// Colours of the error classes from good to bad, distinguishable by colour-blind readers.
 const COLOURS: [&str; 5] = ["#0072b2", "#56b4e9", "#e69f00", "#d55e00", "#7a0000"];
 
-/// Colours of X and Y.
+/// Names and colours of X and Y.
 const AXES: [(&str, &str); 2] = [("X", "#0072b2"), ("Y", "#d55e00")];
 
-/// Time drawn around a stop, from its beginning to its end, s.
+/// Start and end of the time drawn around a stop, s.
 const STOP_S: [f64; 2] = [-0.05, 0.2];
 
-/// A rectangle of the page that shows a range of numbers.
+/// Rectangle on the page that shows a range of numbers.
 struct Panel {
     x: f64,
     y: f64,
@@ -42,7 +42,7 @@ impl Panel {
         [self.x + WIDTH * part(across, self.across), self.y + self.height * (1.0 - part(up, self.up))]
     }
 
-    /// The frame, with numbers at the ends and the names of both directions.
+    /// Draws the frame, with the numbers at both ends of each axis and the names of the axes.
     fn frame(&self, title: &str, across: &str, up: &str, out: &mut String) {
         let (x, y, bottom) = (self.x, self.y, self.y + self.height);
         let _ = writeln!(
@@ -76,7 +76,7 @@ impl Panel {
         );
     }
 
-    /// A line through points.
+    /// Draws a line through points.
     fn line(&self, points: impl Iterator<Item = [f64; 2]>, colour: &str, width: f64, out: &mut String) {
         let mut path = String::new();
         for point in points {
@@ -93,12 +93,12 @@ impl Panel {
     }
 }
 
-/// A number with as many digits as a label needs.
+/// Formats a number with as many digits as a label needs.
 fn number(value: f64) -> String {
     if value.abs() >= 100.0 { format!("{value:.0}") } else { format!("{value:.2}") }
 }
 
-/// The least and the greatest, with room around them.
+/// Returns the minimum and the maximum, with a margin around them.
 fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
     let (low, high) = values.fold((f64::MAX, f64::MIN), |(low, high), value| (low.min(value), high.max(value)));
     if low > high {
@@ -108,7 +108,7 @@ fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
     [low - room, high + room]
 }
 
-/// A picture with a column for each simulation: its name and its snapshots.
+/// Draws a picture with a column for each simulation: its name and its snapshots.
 pub fn draw(title: &str, columns: &[(&str, &Snapshots)]) -> String {
     let mut content = String::new();
     let largest_um = columns
@@ -132,7 +132,7 @@ fn column(name: &str, snapshots: &Snapshots, x: f64, largest_um: f64, out: &mut 
     let coordinate = |axis: usize| {
         range(error.samples.iter().flat_map(move |(sample, _)| [sample.command_mm[axis], sample.nozzle_mm[axis]]))
     };
-    // A millimetre is as long across as up.
+    // A millimetre has the same length in both directions.
     let [mut across, mut up] = [coordinate(0), coordinate(1)];
     let scale = ((across[1] - across[0]) / WIDTH).max((up[1] - up[0]) / HEIGHTS[0]);
     for (range, length) in [(&mut across, WIDTH), (&mut up, HEIGHTS[0])] {

@@ -1,8 +1,8 @@
 //! Input shapers: impulses that, convolved with a command, leave a mode of the frame at rest.
 //!
-//! A shaper is a list of weights, which sum to 1, and delays. It is made for a mode: its undamped
-//! frequency and its damping ratio. What it leaves of another mode's vibration is
-//! [`Shaper::residual`].
+//! A shaper is a list of delays and weights, which sum to 1. It is made for a mode with an undamped
+//! frequency and a damping ratio. [`Shaper::residual`] computes the vibration of another mode that
+//! it leaves.
 //!
 //! Sources: ZV, ZVD and ZVDD: Singer and Seering 1990; EI and its humps: Singhose, Seering and
 //! Singer 1996 and, with damping, the polynomials that Singhose and Vaughan published, as Klipper
@@ -21,23 +21,23 @@ pub use even_spacing::{EvenSpacing, EvenSpacingError};
 pub use kind::ShaperKind;
 pub use name::UnknownShaper;
 
-/// Vibration that the shapers with humps leave on purpose: 5 %, as everywhere.
+/// Vibration that shapers with humps leave on purpose: the customary 5 %.
 const TOLERANCE: f64 = 0.05;
 
-/// Frequencies that a shaper is made for, Hz: below, its delays are longer than a move; above,
-/// frames have no modes.
+/// Range of the frequencies that a shaper can be made for, Hz: below it, the delays are longer than
+/// a move; above it, frames have no modes.
 pub const FREQUENCY_HZ: std::ops::RangeInclusive<f64> = 1.0..=1000.0;
 
-/// A shaper could not be made.
+/// Reason why a shaper cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ShaperError {
-    /// The frequency, Hz, is not within [`FREQUENCY_HZ`].
+    /// The frequency is not within [`FREQUENCY_HZ`]; its value, Hz.
     Frequency(f64),
-    /// The damping ratio is negative or larger than the shaper is defined for.
+    /// The damping ratio is negative, or larger than the maximum for the shaper.
     Damping {
-        /// The ratio.
+        /// Damping ratio asked for.
         damping: f64,
-        /// The largest one.
+        /// Maximum damping ratio.
         max: f64,
     },
 }
@@ -60,28 +60,28 @@ impl fmt::Display for ShaperError {
 
 impl std::error::Error for ShaperError {}
 
-/// An impulse of a shaper.
+/// Impulse of a shaper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Impulse {
-    /// The impulse's share of the command; a shaper's weights sum to 1.
+    /// Share of the command; a shaper's weights sum to 1.
     pub weight: f64,
     /// Delay after the command, s; negative is earlier.
     pub delay_s: f64,
 }
 
-/// A list of impulses, in the order of their delays.
+/// Input shaper: a list of impulses, in order of their delays.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shaper {
     impulses: Vec<Impulse>,
 }
 
 impl Shaper {
-    /// One impulse: the command itself.
+    /// Returns a shaper of one impulse, which leaves the command unchanged.
     pub fn identity() -> Self {
         Self { impulses: vec![Impulse { weight: 1.0, delay_s: 0.0 }] }
     }
 
-    /// The shaper for a mode of this undamped frequency and damping ratio. Its first
+    /// Creates a shaper for a mode with this undamped frequency and damping ratio. Its first
     /// impulse has no delay.
     ///
     /// # Errors
@@ -96,7 +96,7 @@ impl Shaper {
         }
         let root = (1.0 - damping * damping).sqrt();
         let period_s = 1.0 / (frequency_hz * root);
-        // Decay of the vibration in half a damped period, and in `part` of one.
+        // Decay of the vibration in half a damped period, and in the fraction `part` of one.
         let half = (-damping * PI / root).exp();
         let decay = |part: f64| (-TAU * part * damping / root).exp();
         let halves = |weights: &[f64]| {
@@ -145,24 +145,24 @@ impl Shaper {
         Ok(Self { impulses })
     }
 
-    /// The impulses.
+    /// Returns the impulses.
     pub fn impulses(&self) -> &[Impulse] {
         &self.impulses
     }
 
-    /// Mean delay, s: the lag at constant speed.
+    /// Returns the mean delay, s: the lag at constant speed.
     pub fn centroid_s(&self) -> f64 {
         self.impulses.iter().map(|one| one.weight * one.delay_s).sum()
     }
 
-    /// The same shaper moved in time so that constant speed passes unchanged.
+    /// Shifts the shaper in time so that constant speed passes without lag.
     pub fn centred(mut self) -> Self {
         let centroid_s = self.centroid_s();
         self.impulses.iter_mut().for_each(|one| one.delay_s -= centroid_s);
         self
     }
 
-    /// Time between the first and the last impulse, s.
+    /// Returns the time between the first and the last impulse, s.
     pub fn length_s(&self) -> f64 {
         match self.impulses.as_slice() {
             [first, .., last] => last.delay_s - first.delay_s,
@@ -170,15 +170,15 @@ impl Shaper {
         }
     }
 
-    /// Variance of the delays, s^2. An acceleration `a` displaces the shaped position by `a`
-    /// times half of it.
+    /// Returns the variance of the delays, s^2. An acceleration `a` displaces the shaped position
+    /// by `a` times half the variance.
     pub fn variance_s2(&self) -> f64 {
         let centroid_s = self.centroid_s();
         self.impulses.iter().map(|one| one.weight * (one.delay_s - centroid_s).powi(2)).sum()
     }
 
-    /// Returns the remaining vibration of a mode (undamped frequency, Hz, and damping ratio), as a
-    /// part of what one impulse makes at the time of the last.
+    /// Returns the remaining vibration of a mode (undamped frequency, Hz, and damping ratio),
+    /// relative to that of a single impulse at the time of the last one.
     pub fn residual(&self, frequency_hz: f64, damping: f64) -> f64 {
         let omega = TAU * frequency_hz;
         let damped = omega * (1.0 - damping * damping).sqrt();
@@ -194,7 +194,7 @@ impl Shaper {
     }
 }
 
-/// EI with the published polynomials in the tolerated vibration and the damping.
+/// Returns EI by the published polynomials in the tolerated vibration `v` and the damping.
 fn ei_with_damping(v: f64, damping: f64, period_s: f64) -> Vec<(f64, f64)> {
     let polynomial = |terms: [f64; 4]| terms.into_iter().rev().fold(0.0, |sum, term| sum * damping + term);
     let first = polynomial([0.24968 + 0.24961 * v, 0.80008 + 1.23328 * v, 0.49599 + 3.17316 * v, 0.0]);
@@ -204,7 +204,7 @@ fn ei_with_damping(v: f64, damping: f64, period_s: f64) -> Vec<(f64, f64)> {
     vec![(first, 0.0), (1.0 - first - last, middle_periods * period_s), (last, period_s)]
 }
 
-/// Coefficients in rising powers of the damping ratio: an impulse's weight, and its delay in
+/// Coefficients, in rising powers of the damping ratio, of an impulse's weight and of its delay in
 /// undamped periods.
 type Fitted = ([f64; 4], [f64; 4]);
 

@@ -1,9 +1,9 @@
-//! Step events, as a trace has them, through frame and nozzle.
+//! Plays the step events of a trace on a frame and a nozzle.
 //!
 //! The frame feels whole steps: the motors rest between two events. Measures of the motors
 //! themselves (acceleration, the extruder's flow) take each step as the crossing of the middle
-//! between two positions and go straight from one crossing to the next, as a rotor does:
-//! differences of whole steps would be pure noise.
+//! between two positions and interpolate linearly between crossings, as a rotor moves: differences
+//! of whole steps would be pure noise.
 
 mod crossings;
 mod path_source;
@@ -22,35 +22,35 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::ops::RangeInclusive;
 
-/// Motion is simulated through pauses of at most this, s; of a longer one only the beginning.
+/// Maximum length of a pause that is simulated, s; of a longer one only the beginning is.
 const LONGEST_PAUSE_S: u64 = 2;
 
-/// Range of a motor's steps/mm: it includes every real motor, and keeps a few steps from making a
-/// path of kilometres.
+/// Range of a motor's steps/mm: it includes every real motor, and prevents a few steps from making
+/// a path of kilometres.
 const STEPS_PER_MM: RangeInclusive<f64> = 0.1..=1e6;
 
-/// Motors of a trace that can be simulated.
+/// Number of motors of a trace that can be simulated.
 const MOTORS: usize = 4;
 
-/// A trace cannot be simulated.
+/// Reason why a trace cannot be simulated.
 #[derive(Debug)]
 pub enum StepsError {
     /// The trace cannot be read.
     Trace(TraceError),
-    /// The header does not name four motors, the last of them e.
+    /// The header does not name four motors of which the last is e; the names.
     Motors(Vec<String>),
-    /// A motor's steps/mm are out of range.
+    /// A motor's steps/mm are out of range; the motor's name.
     Scale(String),
-    /// The time of a record is before that of the one before it.
+    /// A record's time is before that of the previous record.
     Backwards {
-        /// Ticks of the record.
+        /// Time of the record, ticks.
         tick: u64,
-        /// Ticks of the one before.
+        /// Time of the previous record, ticks.
         before: u64,
     },
-    /// The path is not that of the trace.
+    /// The path does not match the trace.
     Path(PathError),
-    /// The machine's numbers are out of range.
+    /// The machine's settings are out of range.
     Machine(MachineError),
 }
 
@@ -92,7 +92,7 @@ impl From<PathError> for StepsError {
     }
 }
 
-/// Plays step events on a machine as they come; memory does not grow with their number.
+/// Plays step events on a machine as they arrive; memory does not grow with their number.
 #[derive(Debug)]
 pub struct StepSimulation {
     header: TraceHeader,
@@ -105,10 +105,10 @@ pub struct StepSimulation {
     motors: [i64; MOTORS],
     first_tick: Option<u64>,
     last_tick: u64,
-    /// Parts of pauses that were left out, in whole ticks: an f64 cannot hold all of them, and no
-    /// sum of seconds is exact.
+    /// Parts of pauses that were skipped, in whole ticks: an f64 cannot hold every tick count, and
+    /// a sum of seconds is not exact.
     left_out_ticks: u64,
-    /// The frame's time, s.
+    /// Time up to which the frame is simulated, s.
     time_s: f64,
     samples: u64,
     /// Positions at samples, in steps, by motor.
@@ -119,9 +119,10 @@ pub struct StepSimulation {
     restart: bool,
     last_plane_step_s: Option<f64>,
     ringing_mm: f64,
-    /// Time of the last end of a move, and the stops since then, which count unless it was homing.
+    /// Time of the last move end, and the stops since then, which count unless the motion was
+    /// homing.
     since: SinceMoveEnd,
-    /// Time that homing took, s.
+    /// Time spent homing, s.
     homing_s: f64,
 }
 
@@ -129,16 +130,16 @@ pub struct StepSimulation {
 #[derive(Debug, Default)]
 struct SinceMoveEnd {
     time_s: f64,
-    /// Times and amplitudes, s and mm.
+    /// Times, s, and amplitudes, mm.
     stops: Vec<(f64, f64)>,
     has_extruded: bool,
 }
 
 impl StepSimulation {
-    /// A machine at rest, for the motors of a trace.
+    /// Creates a machine at rest, for the motors of a trace.
     ///
     /// # Errors
-    /// The header or the machine cannot be used.
+    /// The header or the machine is unusable.
     pub fn new(
         header: TraceHeader,
         machine: &Machine,
@@ -182,7 +183,7 @@ impl StepSimulation {
         })
     }
 
-    /// Position of the tool in X and Y, mm, for motors at these steps.
+    /// Returns the position of the tool in X and Y, mm, for motors at these steps.
     fn plane_mm(&self, motors: [f64; MOTORS]) -> [f64; 2] {
         let [a, b, c, _] = motors;
         let [a_mm, b_mm, c_mm, _] = self.mm_per_step;
@@ -194,7 +195,7 @@ impl StepSimulation {
         self.plane_mm(self.motors.map(|steps| steps as f64)).map(Motion::standing)
     }
 
-    /// The time of a tick in s from the first, pauses shortened.
+    /// Returns the time of a tick since the first one, s, with long pauses shortened.
     fn time_of(&mut self, tick: u64) -> Result<f64, StepsError> {
         let first = *self.first_tick.get_or_insert_with(|| {
             self.last_tick = tick;
@@ -216,7 +217,7 @@ impl StepSimulation {
     /// Plays a record.
     ///
     /// # Errors
-    /// The record's time is before that of the one before, or the record does not fit the path.
+    /// The record's time is before that of the previous one, or the record does not match the path.
     pub fn play(&mut self, record: &Record) -> Result<(), StepsError> {
         match record {
             Record::Step(event) => {
@@ -241,12 +242,13 @@ impl StepSimulation {
         Ok(())
     }
 
-    /// Before the move of this line the printer adds others, which are no part of the path.
+    /// Notes that the printer adds moves before the move of this line, which are not part of the
+    /// path.
     pub fn own_moves_before(&mut self, line: u32) {
         self.path.own_moves_before(line);
     }
 
-    /// Counts the stops since the last end of a move, which were not homing.
+    /// Counts the stops since the last move end, which were not homing.
     fn count_stops(&mut self, time_s: f64) {
         let since = std::mem::replace(&mut self.since, SinceMoveEnd { time_s, ..SinceMoveEnd::default() });
         for (time_s, amplitude_mm) in since.stops {
@@ -276,7 +278,8 @@ impl StepSimulation {
         if self.since.has_extruded {
             self.count_stops(time_s);
         } else {
-            // Motion without the extruder up to new positions is homing: no part of the job.
+            // Motion without the extruder up to a redefined position is homing, which is not part
+            // of the job.
             self.homing_s += time_s - self.since.time_s;
             self.since = SinceMoveEnd { time_s, ..SinceMoveEnd::default() };
             self.last_plane_step_s = None;
@@ -293,7 +296,7 @@ impl StepSimulation {
         self.path.restart(time_s, after_mm, self.motors[3] as f64 * self.mm_per_step[3], &mut self.measures);
     }
 
-    /// Simulates the ringing frame up to a time, with a sample at each multiple of their distance.
+    /// Simulates the frame up to a time, taking a sample at each multiple of the sampling interval.
     fn pass_to(&mut self, until_s: f64) {
         let command = self.command();
         loop {
@@ -329,7 +332,7 @@ impl StepSimulation {
         self.since.stops.push((stopped_s, self.ringing_mm));
     }
 
-    /// Hands samples on whose motor positions are known.
+    /// Passes on the samples whose motor positions are known.
     fn complete_samples(&mut self) {
         while self.crossings.iter().all(Crossings::has_sample) {
             let Some(mut sample) = self.waiting.pop_front() else { return };
@@ -343,7 +346,7 @@ impl StepSimulation {
         }
     }
 
-    /// The end of the steps: lets everything come to rest, and returns the measures and the time
+    /// Ends the simulation: lets everything come to rest, and returns the measures and the time
     /// from the first record to the last without homing, s.
     ///
     /// # Errors

@@ -1,12 +1,11 @@
-//! The page on which charts of the book are drawn: a frame, a title for those who hear it, and
-//! text in one font.
+//! SVG page for the book's charts: a frame, a title for screen readers, and text in one font.
 
 use std::fmt::Display;
 
-/// Colour of text, unless given.
+/// Default text colour.
 pub const TEXT_COLOUR: &str = "#1f2328";
 
-/// A chart as an SVG file; `content` is drawn on a page of this many pixels.
+/// Formats a chart as an SVG file; `content` is drawn on a page of this width and height, pixels.
 pub fn page(title: &str, [width, height]: [f64; 2], font_pixels: u8, content: impl Display) -> String {
     let title = escaped(title);
     let [frame_width, frame_height] = [width, height].map(|side| side - 1.0);

@@ -1,49 +1,50 @@
-//! Answers.
+//! HTTP answers.
 
 use std::io::{self, Write};
 
-/// An answer to a request.
+/// Answer to a request.
 #[derive(Debug)]
 pub struct Answer {
     /// HTTP status.
     pub status: u16,
     kind: &'static str,
     policy: Option<&'static str>,
-    /// The address of the new resource.
+    /// URL of the newly created resource.
     location: Option<String>,
     body: Vec<u8>,
 }
 
 impl Answer {
-    /// A sentence.
+    /// Creates an answer of plain text, to which a line end is added.
     pub fn text(status: u16, text: impl Into<String>) -> Self {
         let mut text = text.into();
         text.push('\n');
         Self { status, kind: "text/plain; charset=utf-8", policy: None, location: None, body: text.into_bytes() }
     }
 
-    /// Done.
+    /// Creates the answer `ok` to an action that was carried out.
     pub fn done() -> Self {
         Self::text(200, "ok")
     }
 
-    /// Data.
+    /// Creates an answer with JSON data.
     pub const fn json(body: Vec<u8>) -> Self {
         Self { status: 200, kind: "application/json", policy: None, location: None, body }
     }
 
-    /// Something was made: data about it, and its address, which has no control characters.
+    /// Creates an answer to a request that created a resource: JSON data and the resource's URL,
+    /// which must not contain control characters.
     pub const fn created(body: Vec<u8>, location: String) -> Self {
         Self { status: 201, kind: "application/json", policy: None, location: Some(location), body }
     }
 
-    /// The page, with its content security policy.
+    /// Creates an answer with the page and its content security policy.
     pub fn page(page: &'static str, policy: &'static str) -> Self {
         let body = page.as_bytes().to_vec();
         Self { status: 200, kind: "text/html; charset=utf-8", policy: Some(policy), location: None, body }
     }
 
-    /// Writes it. The connection ends with it.
+    /// Writes the answer, after which the connection closes.
     ///
     /// # Errors
     /// The client is gone, or too slow.
@@ -64,7 +65,7 @@ impl Answer {
     }
 }
 
-/// A status in words.
+/// Returns the reason phrase of a status.
 const fn reason(status: u16) -> &'static str {
     match status {
         200 => "OK",

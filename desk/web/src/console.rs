@@ -1,4 +1,4 @@
-//! The conversation with the printer, its newest lines.
+//! Keeps the newest lines of the conversation with the printer.
 
 use std::collections::VecDeque;
 
@@ -7,7 +7,7 @@ use serde::Serialize;
 /// Maximum number of lines kept.
 const MAX_LINES: usize = 500;
 
-/// Maximum number of characters kept of a line.
+/// Maximum number of characters kept per line.
 const MAX_CHARACTERS: usize = 300;
 
 /// Speaker of a line.
@@ -25,15 +25,15 @@ pub enum Speaker {
 /// A line of the console.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ConsoleLine {
-    /// Number of the line, from 1, one more than that of the line before.
+    /// Number of the line, counted from 1.
     pub number: u64,
     /// Speaker of the line.
     pub speaker: Speaker,
-    /// The text.
+    /// Text of the line, without control characters.
     pub text: String,
 }
 
-/// The newest lines of a conversation.
+/// Newest lines of a conversation.
 #[derive(Debug, Default)]
 pub struct Console {
     lines: VecDeque<ConsoleLine>,
@@ -41,7 +41,7 @@ pub struct Console {
 }
 
 impl Console {
-    /// Adds a line; the oldest one goes when there are too many.
+    /// Adds a line; the oldest line is dropped when there are too many.
     pub fn add(&mut self, speaker: Speaker, text: &str) {
         self.last = self.last.saturating_add(1);
         let text = text.chars().filter(|char| !char.is_control()).take(MAX_CHARACTERS).collect();
@@ -51,7 +51,7 @@ impl Console {
         self.lines.push_back(ConsoleLine { number: self.last, speaker, text });
     }
 
-    /// The lines after this number that are kept.
+    /// Returns the kept lines after this number, oldest first.
     #[must_use]
     pub fn after(&self, number: u64) -> Vec<ConsoleLine> {
         self.lines.iter().filter(|line| line.number > number).cloned().collect()

@@ -1,17 +1,17 @@
-//! Actions of a person at the machine, and the lines of G-code that do them.
+//! Actions that a person can take at the machine, and the lines of G-code for them.
 
 use serde::Deserialize;
 
-/// Longest move of one press, mm.
+/// Maximum move for one press of a button, mm.
 const MAX_JOG_MM: f64 = 100.0;
 
-/// Largest change of the height of one press, mm.
+/// Maximum change of the nozzle height for one press, mm.
 const MAX_OFFSET_MM: f64 = 0.5;
 
-/// Longest piece of filament of one press, mm.
+/// Maximum length of filament for one press, mm.
 const MAX_FILAMENT_MM: f64 = 50.0;
 
-/// Speeds, mm/min.
+/// Speeds of X and Y moves, Z moves, and filament, mm/min.
 const JOG_MM_PER_MIN: u32 = 3000;
 const LIFT_MM_PER_MIN: u32 = 300;
 const FILAMENT_MM_PER_MIN: u32 = 180;
@@ -28,7 +28,7 @@ pub enum Axis {
     Z,
 }
 
-/// A press of a button at the page.
+/// Press of a button on the page.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Control {
@@ -48,25 +48,25 @@ pub enum Control {
         /// Target of the bed.
         bed_celsius: u16,
     },
-    /// Sets the fan of the print.
+    /// Sets the part cooling fan.
     Fan {
         /// Speed, 0 to 100 %.
         percent: u8,
     },
-    /// Raises the nozzle over the path, or lowers it, until the next homing.
+    /// Raises or lowers the nozzle relative to the path, until the next homing.
     Offset {
         /// Change, mm; up is positive.
         mm: f64,
     },
-    /// Pushes filament, or draws it back.
+    /// Feeds filament or draws it back.
     Filament {
-        /// Length, mm; pushed is positive.
+        /// Length, mm; feeding is positive.
         mm: f64,
     },
 }
 
 impl Control {
-    /// Reads what the page sends.
+    /// Parses a control sent by the page.
     ///
     /// # Errors
     /// The text is not a control, or its value is out of range.
@@ -86,17 +86,17 @@ impl Control {
         Ok(control)
     }
 
-    /// Returns true for what may act in a print: it changes neither the path nor the temperatures
-    /// that the file asks for.
+    /// Returns true if the control may be used during a print: it changes neither the path nor the
+    /// temperatures that the file sets.
     #[must_use]
     pub const fn acts_in_a_print(self) -> bool {
         matches!(self, Self::Fan { .. } | Self::Offset { .. })
     }
 
-    /// The lines, which belong together.
+    /// Returns the lines of G-code, which must be sent together.
     #[must_use]
     pub fn lines(self) -> Vec<String> {
-        // As OctoPrint does it: relative, the move, absolute again.
+        // OctoPrint does the same: relative positioning, the move, absolute positioning.
         let relative = |line: String| vec!["G91".to_owned(), line, "G90".to_owned()];
         match self {
             Self::Home {} => vec!["G28".to_owned()],

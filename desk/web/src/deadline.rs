@@ -1,10 +1,10 @@
-//! A connection whose reads and writes end at a time.
+//! Stream whose reads and writes fail after a deadline.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
-/// A stream that is given up at a time, whatever its client sends or reads by then.
+/// Stream that is given up at a fixed time, whatever its client sends or reads until then.
 #[derive(Debug)]
 pub struct Deadline<'a> {
     stream: &'a TcpStream,
@@ -12,7 +12,7 @@ pub struct Deadline<'a> {
 }
 
 impl<'a> Deadline<'a> {
-    /// Starts a deadline this long from now.
+    /// Wraps a stream with a deadline `time` from now.
     pub fn new(stream: &'a TcpStream, time: Duration) -> Self {
         Self { stream, end: Instant::now() + time }
     }
@@ -41,7 +41,7 @@ impl Write for Deadline<'_> {
     }
 }
 
-/// Returns true if a stream was too slow.
+/// Returns true if the error means that the stream was too slow.
 pub fn is_slow(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock)
 }

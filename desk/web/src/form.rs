@@ -1,5 +1,5 @@
-//! A slicer's upload: a form with one file and some words, which goes to a temporary
-//! file as it comes.
+//! Receives a slicer's upload: a form with one file and some short fields. The file is written to a
+//! temporary file as it arrives.
 
 use std::io::{self, Read, Write};
 
@@ -13,26 +13,26 @@ use crate::deadline::is_slow;
 use crate::printer::Upload;
 use crate::upload::{PORTION_BYTES, not_kept, too_slow};
 
-/// Longest word beside the file, bytes.
+/// Maximum length of a field other than the file, bytes.
 const MAX_WORD_BYTES: u64 = 256;
 
-/// Longest name of a file, bytes.
+/// Maximum length of a file name, bytes.
 const MAX_NAME_BYTES: usize = 200;
 
 /// A form that has arrived completely.
 #[derive(Debug)]
 pub struct Form {
-    /// The file.
+    /// Uploaded file.
     pub upload: Upload,
     /// True if the file must be printed at once.
     pub prints: bool,
 }
 
-/// Receives a form, whose body `body` reads to its end.
+/// Receives a form by reading `body` to its end.
 ///
 /// # Errors
-/// The answer to a form that is broken, has other fields, names a folder, or whose
-/// file cannot be kept.
+/// The answer to a form that is broken, has unknown fields, names a folder, or whose file cannot be
+/// stored.
 pub fn receive(body: impl Read + Send, content_type: Option<&str>) -> Result<Form, Answer> {
     let boundary = multer::parse_boundary(content_type.unwrap_or_default()).map_err(|_| {
         Answer::text(400, "an upload is a form: send it as multipart/form-data, with its boundary in Content-Type")
@@ -40,11 +40,11 @@ pub fn receive(body: impl Read + Send, content_type: Option<&str>) -> Result<For
     let words = SizeLimit::new().per_field(MAX_WORD_BYTES).for_field("file", u64::MAX);
     let constraints = Constraints::new().size_limit(words);
     let form = Multipart::with_constraints(stream::iter(portions(body)), boundary, constraints);
-    // It never waits: the stream reads, and is ready when that returns.
+    // `block_on` never waits: the stream blocks in its read and is ready when that returns.
     pollster::block_on(fields(form))
 }
 
-/// The portions of a body, up to its end or the first error.
+/// Splits a body into portions, up to its end or the first error.
 fn portions(mut body: impl Read + Send) -> impl Iterator<Item = io::Result<Bytes>> + Send {
     let mut portion = vec![0; PORTION_BYTES];
     let mut has_failed = false;
@@ -71,7 +71,7 @@ async fn fields(mut form: Multipart<'_>) -> Result<Form, Answer> {
             "file" if upload.is_some() => return Err(Answer::text(400, "the form has two files: send one at a time")),
             "file" => upload = Some(file(field).await?),
             "print" => prints = is_true("print", &field.text().await.map_err(broken)?)?,
-            // The newest file is the chosen one here.
+            // The newest file is always the selected one here.
             "select" => drop(is_true("select", &field.text().await.map_err(broken)?)?),
             "path" => {
                 let folder = field.text().await.map_err(broken)?;
@@ -93,7 +93,7 @@ async fn fields(mut form: Multipart<'_>) -> Result<Form, Answer> {
     Ok(Form { upload, prints })
 }
 
-/// Keeps the form's file.
+/// Stores the form's file.
 async fn file(mut field: Field<'_>) -> Result<Upload, Answer> {
     let name = name(field.file_name().unwrap_or_default())?;
     let mut file = NamedTempFile::new().map_err(not_kept)?;
@@ -106,7 +106,7 @@ async fn file(mut field: Field<'_>) -> Result<Upload, Answer> {
     Ok(Upload { name, file, bytes })
 }
 
-/// A file's name, which is only shown, and still must not look like the path of another file.
+/// Checks a file's name. The name is only shown, but must not look like the path of another file.
 fn name(name: &str) -> Result<String, Answer> {
     let is_path = name.contains(['/', '\\']) || matches!(name, "." | "..");
     if is_path || name.chars().any(char::is_control) {
@@ -121,7 +121,7 @@ fn name(name: &str) -> Result<String, Answer> {
     Ok(name.to_owned())
 }
 
-/// A yes or no, in OctoPrint's words.
+/// Parses a yes or no, in OctoPrint's words.
 fn is_true(field: &str, word: &str) -> Result<bool, Answer> {
     match word.to_ascii_lowercase().as_str() {
         "true" | "yes" | "y" | "1" => Ok(true),
@@ -130,7 +130,7 @@ fn is_true(field: &str, word: &str) -> Result<bool, Answer> {
     }
 }
 
-/// The answer to a form that is broken or does not come whole.
+/// Returns the answer to a form that is broken or incomplete.
 fn broken(error: multer::Error) -> Answer {
     match error {
         multer::Error::StreamReadFailed(error) if error.downcast_ref::<io::Error>().is_some_and(is_slow) => too_slow(),
@@ -148,7 +148,7 @@ mod tests {
 
     const KIND: &str = "multipart/form-data; boundary=----line";
 
-    /// A form's body of fields: name, file name, text.
+    /// Builds a form's body from fields: name, file name, text.
     fn body(fields: &[(&str, Option<&str>, &str)]) -> String {
         let parts = fields.iter().map(|(name, file, text)| {
             let file = file.map_or_else(String::new, |file| format!("; filename=\"{file}\""));
@@ -161,7 +161,7 @@ mod tests {
         receive(body(fields).as_bytes(), Some(KIND)).map(|form| form.prints).map_err(|answer| answer.status)
     }
 
-    /// Gives one byte at a time.
+    /// Reader that returns one byte at a time.
     struct Trickle<'a>(&'a [u8]);
 
     impl Read for Trickle<'_> {
@@ -171,7 +171,8 @@ mod tests {
         }
     }
 
-    /// The boundary's beginning within the file, lines of both systems, and bytes that are no text.
+    /// The file contains the beginning of the boundary, line ends of both systems, and bytes that
+    /// are not text.
     #[test]
     fn a_file_keeps_its_bytes_however_they_come() {
         let content = "G28\r\n------lin\r\n\r\n--\n\u{0}M84\n";

@@ -1,5 +1,5 @@
-//! Access to the printer: the token, the slicers' key, and the names by which the
-//! server is called.
+//! Access control: the page's token, the slicers' key, and the names by which clients may call the
+//! server.
 
 use std::fmt;
 use std::fmt::Write;
@@ -7,22 +7,22 @@ use std::net::{IpAddr, SocketAddr};
 
 use sha2::{Digest, Sha256};
 
-/// Random bytes of a token.
+/// Number of random bytes in a token.
 const TOKEN_BYTES: usize = 16;
 
-/// Shortest and longest key that a person chooses.
+/// Allowed length of a key that a person chooses, characters.
 const KEY_CHARACTERS: std::ops::RangeInclusive<usize> = 8..=128;
 
-/// A secret of the server: its page's, new each time, or the key of slicers. Its holder
+/// Secret of the server: the page's token, new at each start, or the slicers' key. Its holder
 /// controls the printer.
 #[derive(Clone)]
 pub struct Token(String);
 
 impl Token {
-    /// A new one, from the operating system's random numbers.
+    /// Creates a token from the operating system's random numbers.
     ///
     /// # Errors
-    /// The operating system has none.
+    /// The operating system provides no random numbers.
     pub fn random() -> Result<Self, String> {
         let mut bytes = [0; TOKEN_BYTES];
         getrandom::fill(&mut bytes)
@@ -35,10 +35,10 @@ impl Token {
         Ok(Self(text))
     }
 
-    /// A key that a person has chosen.
+    /// Creates a token from a key that a person has chosen.
     ///
     /// # Errors
-    /// It is too short, too long, or cannot be sent in a header.
+    /// The key is too short, too long, or cannot be sent in a header.
     pub fn chosen(key: &str) -> Result<Self, String> {
         if KEY_CHARACTERS.contains(&key.len()) && key.bytes().all(|byte| byte.is_ascii_graphic()) {
             return Ok(Self(key.to_owned()));
@@ -47,14 +47,14 @@ impl Token {
         Err(format!("a key has {shortest} to {longest} characters: letters, digits and signs, no spaces"))
     }
 
-    /// Returns its text, for the page's address.
+    /// Returns the token's text, for the page's URL.
     #[must_use]
     pub fn text(&self) -> &str {
         &self.0
     }
 
-    /// Returns true if this text is the token. The time taken says nothing about the token: hashes
-    /// are compared, and whole.
+    /// Returns true if this text is the token. The time that this takes reveals nothing about the
+    /// token: hashes are compared, and always in full.
     #[must_use]
     pub fn is(&self, text: &[u8]) -> bool {
         let (own, other) = (Sha256::digest(self.0.as_bytes()), Sha256::digest(text));
@@ -68,22 +68,23 @@ impl fmt::Debug for Token {
     }
 }
 
-/// The address of a server, by which its clients must call it. A web site whose name leads to this
-/// computer (DNS rebinding) calls it by that name, and so do its pages' requests.
+/// Names by which clients may call a server, from the address it is bound to. If a web site's name
+/// resolves to this computer (DNS rebinding), requests use that name, and so do those of its pages.
 #[derive(Clone, Copy, Debug)]
 pub struct Names {
     bound: SocketAddr,
 }
 
 impl Names {
-    /// Creates the names of a server bound to an address.
+    /// Creates the names of a server bound to this address.
     pub const fn new(bound: SocketAddr) -> Self {
         Self { bound }
     }
 
-    /// Returns true if a `Host` header means this server: `localhost` or a loopback address with
-    /// its port; if it is bound to another address, that one or, bound to all of them, any address,
-    /// but no other name. PrusaSlicer leaves the port out on Windows.
+    /// Returns true if a `Host` header names this server: `localhost` or a loopback address, with
+    /// the server's port. A server bound to another address also accepts that one; a server bound
+    /// to all addresses accepts any address, but no other name. The port may be missing:
+    /// PrusaSlicer leaves it out on Windows.
     pub fn is_host(&self, host: &str) -> bool {
         let (name, port) = split(host);
         if port.is_some_and(|port| port.parse() != Ok(self.bound.port())) {
@@ -106,7 +107,7 @@ impl Names {
     }
 }
 
-/// A host's name and its port, if it names one.
+/// Splits a host into its name and its port, if it has one.
 fn split(host: &str) -> (&str, Option<&str>) {
     match host.rsplit_once(':') {
         Some((name, port)) if !port.ends_with(']') => (name, Some(port)),

@@ -1,7 +1,8 @@
-//! One page that shows a printer and controls it, and the HTTP server for it.
+//! Web page that shows a printer and controls it, and the HTTP server for the page.
 //!
-//! The server knows a [`Printer`] by its trait. A client without the token gets only the page,
-//! which is the same for every printer. No path of a request becomes the path of a file.
+//! The server accesses the printer through the [`Printer`] trait. A client without the token gets
+//! only the page, which is the same for every printer. No path of a request becomes the path of a
+//! file.
 
 mod answer;
 mod console;

@@ -1,5 +1,5 @@
-//! The page: its text, style and program in one file, which loads nothing and speaks to its
-//! own server only.
+//! The page: text, style and script in one file, which loads nothing and connects only to its own
+//! server.
 
 use std::sync::LazyLock;
 
@@ -25,7 +25,7 @@ static POLICY: LazyLock<String> = LazyLock::new(|| {
     )
 });
 
-/// The page.
+/// Returns the page.
 pub fn page() -> Answer {
     Answer::page(&PAGE, &POLICY)
 }

@@ -12,25 +12,25 @@ use crate::control::Control;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Activity {
-    /// The line to it is not open.
+    /// The line to the printer is not open.
     Disconnected,
-    /// No activity.
+    /// The printer is idle.
     Idle,
-    /// A line from the console.
+    /// The printer is executing a line from the console.
     Working,
-    /// The page's job.
+    /// The printer is printing the page's job.
     Printing,
-    /// The moves before a pause.
+    /// The printer is finishing its moves before a pause.
     Pausing,
-    /// The job waits for a person.
+    /// The job is waiting for a person.
     Paused,
-    /// The job ends: motion and heat are switched off.
+    /// The job is being ended: motion and heat are switched off.
     Cancelling,
-    /// M112, or a fault: motors and heaters are off until M999.
+    /// The printer has halted after M112 or a fault: motors and heaters are off until M999.
     Halted,
 }
 
-/// Temperatures, °C; a target of 0 is off.
+/// Temperatures, °C; a target of 0 means off.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Heat {
     /// Temperature of the nozzle.
@@ -47,29 +47,29 @@ pub struct Heat {
     pub chamber_target_celsius: Option<f64>,
 }
 
-/// The file that is printed, or could be.
+/// File that is being printed, or could be.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Job {
-    /// Name of the file, only shown.
+    /// Name of the file, for display only.
     pub name: String,
-    /// Size of the file.
+    /// Size of the file, bytes.
     pub bytes: u64,
     /// Line of the file up to which commands were answered; 0 before the start.
     pub line: u32,
-    /// Part of the job that is done, 0 to 1.
+    /// Completed share of the job, 0 to 1.
     pub share: f64,
-    /// The printer's time that the rest needs, s, if it is known.
+    /// Printing time left, s, if known.
     pub remaining_s: Option<f64>,
 }
 
-/// A printer's state.
+/// State of a printer.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct State {
-    /// The machine and where it is: a profile's name, a port.
+    /// Name of the machine and its connection: a profile's name, a port.
     pub machine: String,
     /// Activity of the printer.
     pub activity: Activity,
-    /// The other host that owns the line, in words; `None`: the page may use it.
+    /// Description of another host that owns the line; `None` if the page may use the line.
     pub owner: Option<String>,
     /// Temperatures, once they are known.
     pub heat: Option<Heat>,
@@ -81,7 +81,7 @@ pub struct State {
     pub message: Option<String>,
 }
 
-/// Reason for which a printer does not do what the page asks, and how to mend it.
+/// Reason why a printer does not do what the page asks, and how to mend it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refusal(pub String);
 
@@ -93,45 +93,47 @@ impl fmt::Display for Refusal {
 
 impl std::error::Error for Refusal {}
 
-/// A file that has arrived completely. It is deleted when this is dropped.
+/// File that has arrived completely. It is deleted when this value is dropped.
 #[derive(Debug)]
 pub struct Upload {
-    /// Name of the file as the client says it, without control characters; for show, never a path.
+    /// File name as given by the client, without control characters; for display, never used as a
+    /// path.
     pub name: String,
     /// Content of the file.
     pub file: NamedTempFile,
-    /// Size of the file.
+    /// Size of the file, bytes.
     pub bytes: u64,
 }
 
-/// A printer that the page shows. The calls come from several threads and return soon: none waits
-/// for the printer.
+/// Printer that the page shows. Its methods are called from several threads and must return soon:
+/// none may wait for the printer.
 pub trait Printer: Send + Sync + 'static {
-    /// The printer's state now.
+    /// Returns the printer's current state.
     fn state(&self) -> State;
 
-    /// The console's lines after this number, the oldest first.
+    /// Returns the console's lines after this number, oldest first.
     fn console(&self, after: u64) -> Vec<ConsoleLine>;
 
     /// Sends a person's line of G-code.
     ///
     /// # Errors
-    /// The printer must not get it now.
+    /// The printer must not receive a line now.
     fn send_line(&self, line: &str) -> Result<(), Refusal>;
 
-    /// Does what a button asks for.
+    /// Carries out the action of a button.
     ///
     /// # Errors
-    /// It must not act now: in a print, on a halted printer, with a nozzle too cold for filament.
+    /// The action is not allowed now: during a print, on a halted printer, or with a nozzle too
+    /// cold for filament.
     fn control(&self, control: Control) -> Result<(), Refusal>;
 
-    /// Checks, before a file comes, that it would be taken now.
+    /// Checks, before a file arrives, that it would be accepted now.
     ///
     /// # Errors
     /// A file is being printed.
     fn may_upload(&self) -> Result<(), Refusal>;
 
-    /// Takes a file as the next job; it replaces the one before.
+    /// Takes a file as the next job, replacing the previous one.
     ///
     /// # Errors
     /// The file is not G-code, or another one is being printed.
@@ -140,13 +142,13 @@ pub trait Printer: Send + Sync + 'static {
     /// Starts the uploaded job.
     ///
     /// # Errors
-    /// No file has been uploaded, or the printer is not free.
+    /// No file has been uploaded, or the printer is busy.
     fn start(&self) -> Result<(), Refusal>;
 
-    /// Pauses the job after the moves that the printer has.
+    /// Pauses the job after the moves that the printer already has.
     ///
     /// # Errors
-    /// No job is printed.
+    /// No job is being printed.
     fn pause(&self) -> Result<(), Refusal>;
 
     /// Continues the job.
@@ -155,13 +157,13 @@ pub trait Printer: Send + Sync + 'static {
     /// The job is not paused.
     fn resume(&self) -> Result<(), Refusal>;
 
-    /// Ends the job: waits, motion and heat.
+    /// Ends the job: its waits, motion and heat.
     ///
     /// # Errors
-    /// No job is printed.
+    /// No job is being printed.
     fn cancel(&self) -> Result<(), Refusal>;
 
-    /// Emergency stop (M112), whoever owns the line.
+    /// Stops the printer at once (M112), whichever host owns the line.
     ///
     /// # Errors
     /// The line is not open, or broken.

@@ -1,22 +1,22 @@
-//! The head of a request: read up to a limit, taken apart, and refused where it is ambiguous.
+//! Reads and parses the head of a request, up to a maximum size; an ambiguous head is refused.
 
 use std::io::Read;
 
 use crate::answer::Answer;
 use crate::deadline::is_slow;
 
-/// Longest head.
+/// Maximum size of a head, bytes.
 const MAX_HEAD_BYTES: usize = 8 * 1024;
 
 /// Maximum number of header lines.
 const MAX_HEADERS: usize = 48;
 
-/// A request's head, and what of its body came with it.
+/// Head of a request, and the part of its body that arrived with it.
 #[derive(Debug, Default)]
 pub struct Request {
     /// Method, as sent.
     pub method: String,
-    /// The target up to a question mark.
+    /// Target up to a question mark.
     pub path: String,
     /// Text after the question mark.
     pub query: String,
@@ -24,9 +24,9 @@ pub struct Request {
     pub host: Option<String>,
     /// `Origin`.
     pub origin: Option<String>,
-    /// `Sec-Fetch-Site`: where the request of a page comes from, by its browser.
+    /// `Sec-Fetch-Site`: the browser's statement of the site from which a page sends the request.
     pub fetch_site: Option<String>,
-    /// The token of `Authorization: Bearer TOKEN`.
+    /// Token in `Authorization: Bearer TOKEN`.
     pub token: Option<String>,
     /// `X-Api-Key`: the key of a slicer.
     pub key: Option<String>,
@@ -38,12 +38,12 @@ pub struct Request {
     pub name: Option<String>,
     /// True if the client waits for `100 Continue` before it sends its body.
     pub expects_continue: bool,
-    /// The body's first bytes.
+    /// First bytes of the body.
     pub body_start: Vec<u8>,
 }
 
 impl Request {
-    /// Reads a head. `Ok(None)`: the client has gone without sending anything.
+    /// Reads a head. `Ok(None)` means that the client has left without sending anything.
     ///
     /// # Errors
     /// The answer to input that is not a request, is too long or too slow.
@@ -72,7 +72,7 @@ impl Request {
         }
     }
 
-    /// Takes a head apart; `None` while it is not complete.
+    /// Parses a head; `None` while it is incomplete.
     fn parse(bytes: &[u8]) -> Result<Option<Self>, Answer> {
         let mut headers = [httparse::EMPTY_HEADER; MAX_HEADERS];
         let mut head = httparse::Request::new(&mut headers);
@@ -99,7 +99,8 @@ impl Request {
         Ok(Some(request))
     }
 
-    /// Takes a header line that matters. A header that occurs twice could be read in two ways.
+    /// Stores a header that matters. A header that occurs twice is refused, because it could be
+    /// read in two ways.
     fn take(&mut self, name: &str, value: &[u8]) -> Result<(), Answer> {
         let text = || {
             let text = std::str::from_utf8(value).map_err(|_| Answer::text(400, format!("{name} is not text")))?;
@@ -123,7 +124,7 @@ impl Request {
             }
             "content-length" => {
                 let value = text()?;
-                // `parse` would take a sign.
+                // `parse` would accept a sign.
                 let length = value.bytes().all(|byte| byte.is_ascii_digit()).then(|| value.parse().ok()).flatten();
                 let length = length.ok_or_else(|| Answer::text(400, "Content-Length is not a number of bytes"))?;
                 match self.length.replace(length) {
@@ -140,7 +141,7 @@ impl Request {
         }
     }
 
-    /// A number of the query, `KEY=NUMBER`.
+    /// Returns a number in the query, `KEY=NUMBER`.
     pub fn number(&self, key: &str) -> Option<u64> {
         self.query.split('&').find_map(|pair| pair.strip_prefix(key)?.strip_prefix('=')?.parse().ok())
     }

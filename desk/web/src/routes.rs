@@ -1,4 +1,5 @@
-//! Answers each request. The paths are listed here; none is looked up in the file system.
+//! Routes each request to its answer. All paths are listed here; none is looked up in the file
+//! system.
 
 use std::io::Read;
 use std::net::TcpStream;
@@ -18,22 +19,22 @@ use crate::request::Request;
 use crate::server::Limits;
 use crate::upload;
 
-/// Longest line of the console, bytes.
+/// Maximum length of a console line or a control, bytes.
 const MAX_LINE_BYTES: u64 = 256;
 
-/// State from which requests are answered.
+/// State shared by all requests.
 pub struct Room<P> {
     pub printer: P,
     pub token: Token,
-    /// The key of slicers, if a person has chosen one.
+    /// Slicers' key, if a person has chosen one.
     pub key: Option<Token>,
     pub names: Names,
     pub limits: Limits,
-    /// Held while a file comes: one at a time.
+    /// Held while a file arrives: one upload at a time.
     pub upload: Mutex<()>,
 }
 
-/// A printer's state and the new lines of its console.
+/// State of a printer and the new lines of its console.
 #[derive(Serialize)]
 struct Look {
     #[serde(flatten)]
@@ -42,10 +43,10 @@ struct Look {
 }
 
 impl<P: Printer> Room<P> {
-    /// Answers a request. `stream` has the rest of its body.
+    /// Answers a request. `stream` holds the rest of its body.
     ///
     /// # Errors
-    /// The answer of a refusal.
+    /// The answer that refuses the request.
     pub fn answer(&self, request: &Request, stream: &TcpStream) -> Result<Answer, Answer> {
         if !request.host.as_deref().is_some_and(|host| self.names.is_host(host)) {
             return Err(Answer::text(
@@ -110,7 +111,7 @@ impl<P: Printer> Room<P> {
         done(self.printer.control(control))
     }
 
-    /// A body of one line.
+    /// Reads a body of one line.
     fn short_body(&self, request: &Request, stream: &TcpStream) -> Result<Vec<u8>, Answer> {
         let length = length(request, MAX_LINE_BYTES, "a line")?;
         let mut line = Vec::new();
@@ -136,8 +137,8 @@ impl<P: Printer> Room<P> {
         done(self.printer.upload(upload))
     }
 
-    /// Begins an upload, if the printer would take it: no other one is under way while
-    /// the result is kept.
+    /// Begins an upload if the printer would accept it. While the returned guard is held, no other
+    /// upload can begin.
     ///
     /// # Errors
     /// Another file is arriving, or one is being printed.
@@ -154,7 +155,7 @@ impl<P: Printer> Room<P> {
     }
 }
 
-/// The answer to a printer's refusal.
+/// Turns a printer's refusal into an answer.
 pub fn refused(outcome: Result<(), Refusal>) -> Result<(), Answer> {
     outcome.map_err(|refusal| Answer::text(409, refusal.0))
 }
@@ -163,7 +164,7 @@ fn done(outcome: Result<(), Refusal>) -> Result<Answer, Answer> {
     refused(outcome).map(|()| Answer::done())
 }
 
-/// The length of a request's body, within a limit.
+/// Returns the length of a request's body, if it is within a limit, bytes.
 pub fn length(request: &Request, limit: u64, what: &str) -> Result<u64, Answer> {
     let length = request.length.ok_or_else(|| Answer::text(411, "Content-Length is missing"))?;
     if length > limit {
@@ -172,7 +173,7 @@ pub fn length(request: &Request, limit: u64, what: &str) -> Result<u64, Answer> 
     Ok(length)
 }
 
-/// The body of a request, for this long at most.
+/// Returns a reader of a request's body, which must arrive within `time`.
 pub fn body<'a>(
     request: &'a Request,
     stream: &'a TcpStream,

@@ -1,4 +1,4 @@
-//! The server: connections, each with a thread, a request and an answer.
+//! HTTP server: each connection has a thread, one request and one answer.
 
 use std::io::{self, Read};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -13,25 +13,26 @@ use crate::printer::Printer;
 use crate::request::Request;
 use crate::routes::Room;
 
-/// Longest time for what a refused client still sends, so that it can read why.
+/// Maximum time to read what a refused client still sends, so that it can read the reason.
 const DRAIN: Duration = Duration::from_secs(1);
 
-/// Maximum number of bytes read of it.
+/// Maximum number of bytes read from a refused client.
 const MAX_DRAINED_BYTES: u64 = 1024 * 1024;
 
-/// A pause after the system could not accept a connection: out of files, for one.
+/// Pause after the system could not accept a connection, for example because too many files are
+/// open.
 const RECOVERY: Duration = Duration::from_millis(50);
 
-/// The server's limits.
+/// Limits of the server.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Maximum number of connections at once; more are closed.
+    /// Maximum number of simultaneous connections; further ones are closed.
     pub connections: usize,
-    /// Largest upload.
+    /// Maximum size of an upload, bytes.
     pub upload_bytes: u64,
-    /// Longest time of a request's head, of a short body, and of an answer.
+    /// Maximum time of a request's head, of a short body, and of an answer.
     pub request: Duration,
-    /// Longest time of an upload.
+    /// Maximum time of an upload.
     pub upload: Duration,
 }
 
@@ -46,8 +47,8 @@ impl Default for Limits {
     }
 }
 
-/// A running server. It ends when this is dropped; answers under way continue for as long as their
-/// limits let them.
+/// Running server. The server ends when this value is dropped; answers under way continue within
+/// their time limits.
 #[derive(Debug)]
 pub struct Server {
     address: SocketAddr,
@@ -57,11 +58,11 @@ pub struct Server {
 }
 
 impl Server {
-    /// Serves a printer's page at an address; port 0 takes a free one. `key`: the key of slicers;
-    /// without it those of this computer need none, and others are refused.
+    /// Serves a printer's page at an address; port 0 takes any free port. `key` is the slicers'
+    /// key; without one, slicers on this computer need no key and others are refused.
     ///
     /// # Errors
-    /// The address is in use or not this computer's.
+    /// The address is in use or does not belong to this computer.
     pub fn start(
         address: SocketAddr,
         printer: impl Printer,
@@ -89,13 +90,13 @@ impl Server {
         Ok(Self { address: bound, token, ends, thread: Some(thread) })
     }
 
-    /// The address that it listens at.
+    /// Returns the address at which the server listens.
     #[must_use]
     pub const fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// The page's address with the token, for a person. The token is in the fragment, which no
+    /// Returns the page's URL with the token, for a person. The token is in the fragment, which no
     /// browser sends to a server.
     #[must_use]
     pub fn url(&self) -> String {
@@ -106,7 +107,7 @@ impl Server {
 impl Drop for Server {
     fn drop(&mut self) {
         self.ends.store(true, Ordering::Relaxed);
-        // A connection ends the wait for one.
+        // Connect once to end the wait for a connection.
         let mut own = self.address;
         if own.ip().is_unspecified() {
             own.set_ip(if own.is_ipv4() { [127, 0, 0, 1].into() } else { std::net::Ipv6Addr::LOCALHOST.into() });
@@ -119,7 +120,7 @@ impl Drop for Server {
     }
 }
 
-/// Accepts connections until it is to end.
+/// Accepts connections until the server ends.
 fn accept<P: Printer>(listener: &TcpListener, room: &Arc<Room<P>>, ends: &AtomicBool) {
     let open = Arc::new(AtomicUsize::new(0));
     for stream in listener.incoming() {
@@ -132,7 +133,7 @@ fn accept<P: Printer>(listener: &TcpListener, room: &Arc<Room<P>>, ends: &Atomic
         };
         let place = Place::take(&open);
         if place.others >= room.limits.connections {
-            // Closed without a word: a word could wait for its reader.
+            // Close without an answer: writing one could block on its reader.
             continue;
         }
         let room = Arc::clone(room);
@@ -144,10 +145,10 @@ fn accept<P: Printer>(listener: &TcpListener, room: &Arc<Room<P>>, ends: &Atomic
     }
 }
 
-/// A connection's place among those that are open.
+/// Place of a connection among the open ones.
 struct Place {
     open: Arc<AtomicUsize>,
-    /// Number of connections that were open before.
+    /// Number of connections that were already open.
     others: usize,
 }
 
@@ -166,7 +167,7 @@ impl Drop for Place {
 /// Serves a connection: one request, one answer.
 fn serve<P: Printer>(stream: &TcpStream, room: &Room<P>) {
     let time = room.limits.request;
-    // A small answer should leave at once.
+    // Send a small answer at once.
     let _ = stream.set_nodelay(true);
     let answer = match Request::read(&mut Deadline::new(stream, time)) {
         Ok(None) => return,
@@ -182,8 +183,8 @@ fn serve<P: Printer>(stream: &TcpStream, room: &Room<P>) {
     }
 }
 
-/// Reads what a refused client still sends: if the connection were closed on it, the client's
-/// system would throw the answer away.
+/// Reads what a refused client still sends: if the connection were closed before that, the client's
+/// system would discard the answer.
 fn drain(stream: &TcpStream) {
     if stream.shutdown(Shutdown::Write).is_ok() {
         let _ = io::copy(&mut Deadline::new(stream, DRAIN).take(MAX_DRAINED_BYTES), &mut io::sink());

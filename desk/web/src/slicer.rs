@@ -1,5 +1,5 @@
-//! The part of OctoPrint's interface that slicers use to send a file: its paths below `/api/`, its
-//! words for a printer's state.
+//! Implements the part of OctoPrint's interface that slicers use to send a file: the paths below
+//! `/api/` and OctoPrint's words for a printer's state.
 
 use std::fmt::Write;
 use std::net::TcpStream;
@@ -15,19 +15,19 @@ use crate::routes::{Room, body, length, refused};
 /// Version of OctoPrint's interface that the paths follow.
 const API_VERSION: &str = "0.1";
 
-/// Version of this server, where OctoPrint names its own.
+/// Version of this server, reported where OctoPrint gives its own.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 impl<P: Printer> Room<P> {
-    /// Answers a slicer. `path`: what follows `/api/`.
+    /// Answers a slicer's request. `path` is the part after `/api/`.
     ///
     /// # Errors
-    /// The answer of a refusal.
+    /// The answer that refuses the request.
     pub fn slicer(&self, request: &Request, path: &str, stream: &TcpStream) -> Result<Answer, Answer> {
         self.may_send(request, stream)?;
         match (request.method.as_str(), path) {
             ("GET", "version") => {
-                // Slicers recognise the interface by how the text begins.
+                // Slicers recognise the interface by the start of this text.
                 answer(
                     &json!({"api": API_VERSION, "server": VERSION, "text": format!("OctoPrint (Ferrostep {VERSION})")}),
                 )
@@ -53,13 +53,13 @@ impl<P: Printer> Room<P> {
         }
     }
 
-    /// Checks the key, in `X-Api-Key` or after `Bearer`. Without a key of a person's choice this
-    /// computer's slicers need none.
+    /// Checks the key in `X-Api-Key` or after `Bearer`. If no key has been chosen, slicers on this
+    /// computer need none.
     fn may_send(&self, request: &Request, stream: &TcpStream) -> Result<(), Answer> {
         let is_here = stream.peer_addr().is_ok_and(|peer| peer.ip().to_canonical().is_loopback());
         let sent = request.key.as_deref().or(request.token.as_deref()).filter(|key| !key.is_empty());
         let is_good = |sent: &str| {
-            // Both are compared, whatever the first says.
+            // Always compare both, whatever the first comparison says.
             self.token.is(sent.as_bytes()) | self.key.as_ref().is_some_and(|key| key.is(sent.as_bytes()))
         };
         let why = match (sent, &self.key) {
@@ -77,7 +77,7 @@ impl<P: Printer> Room<P> {
         Err(Answer::text(403, why))
     }
 
-    /// Takes a form with a file, and prints it if the form says so.
+    /// Receives a form with a file, and starts to print it if the form says so.
     fn form(&self, request: &Request, stream: &TcpStream) -> Result<Answer, Answer> {
         let length = length(request, self.limits.upload_bytes, "an upload")?;
         let _alone = self.begin_upload()?;
@@ -115,7 +115,7 @@ fn answer(value: &Value) -> Result<Answer, Answer> {
     Ok(Answer::json(value.to_string().into_bytes()))
 }
 
-/// A name within an address.
+/// Percent-encodes a name for a URL.
 fn encoded(name: &str) -> String {
     let mut text = String::new();
     for byte in name.bytes() {
@@ -128,7 +128,7 @@ fn encoded(name: &str) -> String {
     text
 }
 
-/// OctoPrint's words for what the printer does.
+/// Returns OctoPrint's words for an activity.
 const fn words(activity: Activity) -> &'static str {
     match activity {
         Activity::Disconnected => "Offline",
@@ -141,8 +141,8 @@ const fn words(activity: Activity) -> &'static str {
     }
 }
 
-/// The settings that slicers ask for: no card to write to, no camera, nothing to wait for
-/// after an upload.
+/// Returns the settings that slicers ask for: no card, no camera, nothing to wait for after an
+/// upload.
 fn settings(state: &State) -> Value {
     json!({
         "api": {"enabled": true, "allowCrossOrigin": false},
@@ -192,7 +192,7 @@ fn printer(state: &State) -> Value {
 
 fn job(state: &State) -> Value {
     let job = state.job.as_ref();
-    // Known as long as the file has not begun to print.
+    // The whole time is known only until the file starts to print.
     let whole_s = job.and_then(|job| job.remaining_s.filter(|_| job.line == 0));
     json!({
         "job": {

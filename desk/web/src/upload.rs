@@ -1,4 +1,4 @@
-//! A file that a client sends: to a temporary file as it comes, with a limit.
+//! Receives a file from a client into a temporary file, up to a limit.
 
 use std::io::{self, Read, Write};
 
@@ -8,16 +8,16 @@ use crate::answer::Answer;
 use crate::deadline::is_slow;
 use crate::printer::Upload;
 
-/// Bytes copied at once.
+/// Number of bytes copied at once.
 pub const PORTION_BYTES: usize = 64 * 1024;
 
-/// Longest name shown, characters.
+/// Maximum length of a displayed name, characters.
 const MAX_NAME: usize = 100;
 
-/// Receives `bytes` bytes; `next` reads the body.
+/// Receives `bytes` bytes from `body`.
 ///
 /// # Errors
-/// The answer to a body that does not come, or cannot be kept.
+/// The answer to a body that is incomplete, too slow, or cannot be stored.
 pub fn receive(body: &mut impl Read, bytes: u64, name: Option<&str>) -> Result<Upload, Answer> {
     let mut file = NamedTempFile::new().map_err(not_kept)?;
     let mut portion = vec![0; PORTION_BYTES];
@@ -39,17 +39,17 @@ pub fn receive(body: &mut impl Read, bytes: u64, name: Option<&str>) -> Result<U
     Ok(Upload { name: shown_name(name.unwrap_or_default()), file, bytes })
 }
 
-/// The answer to a file that the disk does not take.
+/// Returns the answer to a file that cannot be stored.
 pub fn not_kept(error: io::Error) -> Answer {
     Answer::text(507, format!("the file cannot be kept: {error}"))
 }
 
-/// The answer to a file that does not come in time.
+/// Returns the answer to a file that does not arrive in time.
 pub fn too_slow() -> Answer {
     Answer::text(408, "the file did not come in time")
 }
 
-/// A percent-encoded name as it may be shown.
+/// Decodes a percent-encoded name for display.
 fn shown_name(encoded: &str) -> String {
     let mut bytes = Vec::new();
     let mut rest = encoded.as_bytes();

@@ -1,4 +1,4 @@
-//! Clients that are slow, too many, or in two places at once.
+//! Tests clients that are slow, too many, or connected twice.
 #![allow(clippy::unwrap_used)]
 
 use std::io::{Read, Write};
@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use ferrostep_web::{Activity, ConsoleLine, Control, Limits, Printer, Refusal, Server, State, Upload};
 
-/// A printer that notes the lines and files that it gets.
+/// Printer that records the lines and files it receives.
 #[derive(Default)]
 struct Noting(Mutex<Vec<String>>);
 
@@ -86,7 +86,7 @@ fn serve(limits: Limits) -> (Server, &'static Noting) {
     (Server::start("127.0.0.1:0".parse().unwrap(), printer, limits, None).unwrap(), printer)
 }
 
-/// The whole answer; empty if the connection is closed without one.
+/// Reads the whole answer; empty if the connection is closed without one.
 fn heard(mut stream: TcpStream) -> String {
     let mut answer = Vec::new();
     // A connection that is closed at once may be reset.
@@ -145,7 +145,7 @@ fn sizes_have_limits() {
     assert!(printer.0.lock().unwrap().is_empty());
 }
 
-/// Connections beyond the limit are closed; those that say nothing lose their places.
+/// Connections beyond the limit are closed; silent clients lose their places.
 #[test]
 fn places_are_limited_and_come_back() {
     // Long enough for a busy computer to open the connections.
@@ -166,7 +166,7 @@ fn one_file_comes_at_a_time() {
     let (server, printer) = serve(Limits::default());
     let at = server.address();
     let mut slow = TcpStream::connect(at).unwrap();
-    // The server has begun with this body once it asks for it.
+    // Once the server asks for the body, it has begun to receive it.
     let wait = head(&server, "POST", "/job", 4).replace("\r\n\r\n", "\r\nExpect: 100-continue\r\n\r\n");
     slow.write_all(wait.as_bytes()).unwrap();
     let mut go_on = [0; 25];

@@ -1,4 +1,4 @@
-//! Asks a printer of any firmware for reports.
+//! Queries a printer of any firmware.
 
 use std::fmt;
 use std::time::Duration;
@@ -9,23 +9,22 @@ use super::packing::Packing;
 use super::port::{HALTED, Patience, Port};
 use super::watch::Watch;
 
-/// Start of the line by which a printer says that it is at work on something else,
-/// every two seconds.
+/// Start of the line that a printer sends every two seconds while it is busy.
 const BUSY: &str = "echo:busy:";
 
-/// Signs of other work after which the printer counts as busy.
+/// Number of such lines after which the printer counts as busy.
 const MAX_BUSY: usize = 30;
 
-/// The longest time of a whole answer, and its most lines.
+/// Maximum time and maximum number of lines of a whole answer.
 const MAX_TIME: Duration = Duration::from_secs(120);
 const MAX_LINES: usize = 5000;
 
-/// Reason for which a printer has not answered.
+/// Reason why a printer has not answered.
 #[derive(Debug)]
 pub enum AskError {
     /// The conversation has failed.
     Send(SendError),
-    /// The printer is at work on something else; its words.
+    /// The printer is busy; its words.
     Busy(String),
     /// The answer to a command has no end.
     Endless(String),
@@ -56,7 +55,7 @@ impl<E: Into<SendError>> From<E> for AskError {
     }
 }
 
-/// Counts the signs that the printer is at work on something else.
+/// Counts the lines by which the printer says that it is busy.
 #[derive(Default)]
 struct BusyWatch {
     signs: usize,
@@ -76,7 +75,7 @@ impl Watch for BusyWatch {
     }
 }
 
-/// Asks a printer commands one after the other; returns the lines that it says to each, with the
+/// Sends commands to a printer one after the other; returns the lines of each answer, including the
 /// text after its `ok`.
 ///
 /// # Errors

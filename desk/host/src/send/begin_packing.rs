@@ -1,4 +1,4 @@
-//! Switches MeatPack on, where the printer knows it.
+//! Switches MeatPack on if the printer supports it.
 
 use std::io;
 use std::time::Duration;
@@ -10,11 +10,11 @@ use super::meeting::meet;
 use super::packing::Packing;
 use super::port::{Patience, Port};
 
-/// The line by which a board says, after M115, that its host may pack.
+/// Line in the answer to M115 by which a board says that it supports MeatPack.
 const KNOWS_PACKING: &str = "Cap:MEATPACK:1";
 
-/// Asks the board whether it knows MeatPack, and switches it on if it does; `hear`
-/// hears what it says.
+/// Asks the board whether it supports MeatPack, and switches MeatPack on if it does; `hear`
+/// receives the board's lines.
 ///
 /// # Errors
 /// The board does not answer, or is gone.
@@ -23,8 +23,8 @@ pub fn begin_packing(
     patience: Patience,
     mut hear: impl FnMut(&str),
 ) -> Result<Packing, SendError> {
-    // An earlier host may have left it on. A board that does not know packing has these bytes in a
-    // line, and answers that.
+    // An earlier host may have left MeatPack on. A board without MeatPack reads these bytes as part
+    // of a line and answers that line.
     port.send(&meatpack::END)?;
     meet(port, Packing::Plain, patience, &mut hear)?;
     port.send(b"M115\n")?;
@@ -44,7 +44,7 @@ pub fn begin_packing(
     }
     port.send(&meatpack::BEGIN)?;
     let on = meatpack::Settings { packing: true, no_spaces: false }.to_string();
-    // Reports of the commands before it come first.
+    // Reports on earlier commands come first.
     while let Some(said) = receive(port, patience.give_up)? {
         hear(&said);
         if said == on {
@@ -54,7 +54,7 @@ pub fn begin_packing(
     Err(SendError::Silent(vec![format!("(no {on:?} after MeatPack was switched on)")]))
 }
 
-/// The board's next line, if it comes in time.
+/// Receives the board's next line, if it arrives in time.
 fn receive(port: &mut impl Port, patience: Duration) -> io::Result<Option<String>> {
     let until = port.now() + patience;
     port.receive(until)
@@ -68,8 +68,8 @@ mod tests {
 
     const NAMES: &str = "FIRMWARE_NAME:Other 1.0 (2020) MACHINE_TYPE:Mill";
 
-    /// Begins with a printer that answers the bytes that end packing, and M115; returns the outcome
-    /// and the number of its lines that were not heard.
+    /// Calls [`begin_packing`] on a printer with these answers to the end-of-packing bytes and to
+    /// M115; returns the outcome and the number of the printer's lines that were not read.
     fn begin(to_end: &[&'static str], to_m115: &[&'static str]) -> (Result<Packing, SendError>, usize) {
         let lines = |lines: &[&str]| lines.iter().map(|&line| line.to_owned()).collect();
         let mut port = Scripted::new(|line: &str, _| match line {
@@ -86,7 +86,7 @@ mod tests {
         for to_end in [&[][..], &["ok"], &["echo:Unknown command: \"\"", "ok"]] {
             let (packing, unheard) = begin(to_end, &[NAMES, "Cap:MEATPACK:0", "ok"]);
             assert_eq!((packing.unwrap(), unheard), (Packing::Plain, 0), "{to_end:?}");
-            // Klipper's form.
+            // Klipper puts its answer after the `ok`.
             let (packing, unheard) = begin(to_end, &["ok FIRMWARE_NAME:Klipper"]);
             assert_eq!((packing.unwrap(), unheard), (Packing::Plain, 0), "{to_end:?}");
         }

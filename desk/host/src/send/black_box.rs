@@ -8,16 +8,16 @@ use super::packing::Packing;
 use super::port::{Patience, Port};
 use crate::black_box_lines::{Assembly, LinesError};
 
-/// Reason for which a black box was not fetched.
+/// Reason why a black box was not fetched.
 #[derive(Debug)]
 pub enum FetchError {
     /// The conversation has failed.
     Send(SendError),
-    /// The printer does not know the command: another firmware, or an older one.
+    /// The printer does not know M791: its firmware is older, or another one.
     Unknown,
     /// The printer refuses; its words.
     Refused(String),
-    /// The lines do not fit together.
+    /// The lines are damaged or incomplete.
     Lines(LinesError),
 }
 
@@ -46,10 +46,10 @@ impl From<std::io::Error> for FetchError {
     }
 }
 
-/// Asks a board for its black box, and returns the bytes; `hear` hears what else it says.
+/// Fetches a board's black box and returns its bytes; `hear` receives the board's other lines.
 ///
 /// # Errors
-/// The board does not answer, has none, or refuses; or lines of it are missing.
+/// The board does not answer, has no black box or refuses to send it; or lines of it are missing.
 pub fn fetch_black_box(
     port: &mut impl Port,
     patience: Patience,
@@ -59,7 +59,8 @@ pub fn fetch_black_box(
     port.send(b"M791\n")?;
     let mut assembly = Assembly::default();
     let (mut refusal, mut is_answered) = (None, false);
-    // Temperatures may come on and on: only lines that belong to it count.
+    // Temperature reports may go on without end: only lines of the black box, its `ok` and busy
+    // messages restart the time limit.
     let mut last = port.now();
     loop {
         let patience = if is_answered { patience.repeat } else { patience.give_up };
@@ -75,7 +76,7 @@ pub fn fetch_black_box(
             Some(true) => return Ok(assembly.into_bytes()),
             Some(false) => last = port.now(),
             None if said.contains("Unknown command") => refusal = Some(FetchError::Unknown),
-            // The line that was sent is the only one that can be refused now.
+            // Only M791 can be refused now: no other line is unanswered.
             None if said.starts_with("echo:line ") => refusal = Some(FetchError::Refused(said)),
             None if said.starts_with("ok") => match refusal.take() {
                 Some(refusal) => return Err(refusal),

@@ -1,22 +1,22 @@
-//! Ends a printer's waits, motion and heat.
+//! Stops a printer: ends its waits, stops motion and switches the heaters off.
 
 use std::time::Duration;
 
 use super::port::{HALTED, Port};
 
-/// Longest time of the answers: a printer that is in order needs less than a second, a busy
-/// computer that serves a virtual one a few.
+/// Maximum time until all answers have arrived: a healthy printer needs less than a second, a
+/// virtual printer on a busy computer a few.
 const ANSWERS: Duration = Duration::from_secs(10);
 
-/// The commands, and what they end. The first two act at once if the printer reads
-/// ahead of its queue.
+/// Commands and what each of them ends. The first two act at once if the printer reads ahead of its
+/// queue.
 const END: [(&str, &str); 4] =
     [("M108", "waits"), ("M410", "motion"), ("M104 S0", "the nozzle's heater"), ("M140 S0", "the bed's heater")];
 
-/// Printer's response to the commands that end a print.
+/// Response of a printer to the commands that end a print.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CooledDown {
-    /// The printer has confirmed everything.
+    /// The printer has confirmed every command.
     Confirmed,
     /// The printer has halted, which switches motors and heaters off.
     Halted,
@@ -41,11 +41,11 @@ impl CooledDown {
     }
 }
 
-/// Ends waits, motion and heat. Lines of the printer go to `hear`.
+/// Ends waits, stops motion and switches the heaters off. `hear` receives the printer's lines.
 pub fn cool_down(port: &mut impl Port, mut hear: impl FnMut(&str)) -> CooledDown {
     let end = port.now() + ANSWERS;
-    // The printer may still owe the answer to the line that was under way: M105's has a
-    // temperature, and is the last.
+    // The printer may still owe the answer to the line that was under way. M105 comes last because
+    // its answer can be recognised: it contains a temperature.
     let commands: String = END.iter().map(|(command, _)| format!("{command}\n")).collect();
     let sent = port.send(format!("{commands}M105\n").as_bytes());
     while let (true, Ok(Some(said))) = (sent.is_ok(), port.receive(end)) {

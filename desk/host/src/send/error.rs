@@ -1,9 +1,9 @@
-//! Errors that end the sending of a job.
+//! Error that ends the sending of a job.
 
 use std::fmt;
 use std::io;
 
-/// Reason for which a job was not sent to its end.
+/// Reason why a job was not sent to its end.
 #[derive(Debug)]
 pub enum SendError {
     /// The board is gone.
@@ -13,10 +13,10 @@ pub enum SendError {
     /// The board answers but does not take the job: it does not know prepared jobs, is halted, or
     /// receives another one; its last lines.
     NotTaken(Vec<String>),
-    /// The board halted while it received G-code; the line that reports it.
+    /// The board halted while it received G-code; the line in which it says so.
     Halted(String),
-    /// [`Watch::wants_end`](super::Watch::wants_end) has asked for it; the transfer of the prepared
-    /// job was aborted.
+    /// [`Watch::wants_end`](super::Watch::wants_end) returned true; the transfer of a prepared job
+    /// was aborted.
     Asked,
 }
 
@@ -32,7 +32,7 @@ impl fmt::Display for SendError {
     }
 }
 
-/// Writes what is wrong, and the board's last lines.
+/// Writes the error and the board's last lines.
 fn write_heard(out: &mut fmt::Formatter<'_>, what: &str, heard: &[String]) -> fmt::Result {
     write!(out, "{what}")?;
     if !heard.is_empty() {

@@ -1,4 +1,4 @@
-//! Sends G-code line by line: numbers, checksums, one `ok` a line.
+//! Sends G-code line by line, with numbers and checksums, waiting for one `ok` per line.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -15,40 +15,40 @@ use super::protocol::{is_report, is_transfer_error, numbered, resend, unknown};
 use super::watch::Watch;
 use crate::file_lines::command_of;
 
-/// Lines kept because the printer may ask for them again. One is under way at a time; a printer
-/// that was asked twice may lag by one.
+/// Number of sent lines kept in case the printer asks for them again. Only one is under way at a
+/// time; a printer that was sent a line twice may lag by one more.
 const KEPT_LINES: usize = 16;
 
-/// Maximum number of times that a line is sent. One that never arrives whole would be asked
-/// for without end.
+/// Maximum number of times that a line is sent. A line that never arrives intact would otherwise be
+/// repeated forever.
 const MOST_TIMES: u32 = 100;
 
-/// Maximum number of lines kept of a printer's answer to one line.
+/// Maximum number of lines kept from a printer's answer to one line.
 const MAX_SAID: usize = 20;
 
-/// Reason for which a printer, or a person, has ended a job before its end.
+/// Reason why a printer or a person ended a job early.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Stop {
-    /// The printer reports an error; its line.
+    /// The printer reports an error; the text of its line.
     Error(String),
     /// The printer asks its host to cancel the job.
     Cancelled,
     /// The printer was reset: it has sent `start`.
     Reset,
-    /// [`Watch::wants_end`] has asked for it.
+    /// [`Watch::wants_end`] returned true.
     Asked,
-    /// The printer does not write the file; the command, and the printer's answer.
+    /// The printer did not start to write the file; the command, and the printer's answer.
     NotWriting(String, Vec<String>),
-    /// The printer has not written all of the file.
+    /// The printer did not write all of the file; its answer.
     NotWritten(Vec<String>),
-    /// A line of the file that would end its own upload, or stop the printer.
+    /// The file contains a command that would end its own upload or stop the printer; the command.
     NotForCard(String),
-    /// The next line of the file is damaged; how.
+    /// The next line of the file is damaged; description of the damage.
     Damaged(String),
-    /// The printer's count of lines differs from the host's: the line that it asks for, and the one
+    /// The printer counts lines differently from the host: the line that it asks for, and the one
     /// that it was sent.
     OtherCount(u32, u32),
-    /// The printer asks for the same line again and again; its number in the conversation.
+    /// The printer keeps asking for the same line; the line's number in the conversation.
     NeverArrives(u32),
 }
 
@@ -84,64 +84,65 @@ impl fmt::Display for Stop {
 /// Result of a job.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Outcome {
-    /// Lines of the file up to which commands were answered.
+    /// Line of the file up to which commands were answered.
     pub file_line: u32,
-    /// Commands sent, each counted once.
+    /// Number of commands sent, each counted once.
     pub sent: u32,
-    /// Lines that were sent again.
+    /// Number of repeated lines.
     pub resends: u32,
-    /// Reason for which it ended early, if it did.
+    /// Reason why the job ended early, if it did.
     pub stop: Option<Stop>,
 }
 
-/// A file's next line: its bytes.
+/// Reads the bytes of a file's next line.
 type NextLine<'a> = &'a mut dyn FnMut() -> Option<io::Result<Vec<u8>>>;
 
-/// Commands around those of the file.
+/// Commands sent before and after those of the file.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a> {
-    /// Commands before its first line.
+    /// Commands before the file's first line.
     pub opening: &'a [&'a str],
-    /// Commands after its last line.
+    /// Commands after the file's last line.
     pub closing: &'a [&'a str],
-    /// The lines are not executed but written to a file.
+    /// True if the printer writes the lines to a file instead of executing them.
     pub is_upload: bool,
 }
 
-/// The lines by which a printer reports that it begins to write a file, and that it has written it.
+/// Lines by which a printer reports that it starts to write a file, and that it has finished.
 const WRITING: &str = "Writing to file";
 const WRITTEN: &str = "Done saving file";
 
-/// The last line of a print, and the text by which the printer answers it. It has a number like the
-/// others: a printer that has not executed a line asks for that instead, whatever it has answered.
+/// Last line of a print and the text that the printer answers. The line has a number like the
+/// others: a printer that has missed a line asks for that one instead, whatever it has answered
+/// before.
 const LAST_LINE: &str = "M118 ferrostep: this was the last line";
 const LAST: &[&str] = &[LAST_LINE];
-/// Maximum number of times that the printer is asked for that text.
+/// Maximum number of times that the last line is sent.
 const MOST_LAST_LINES: u32 = 10;
 const LAST_LINE_SAID: &str = "ferrostep: this was the last line";
 
 impl Frame<'_> {
-    /// Waits for the end of the motion.
+    /// Sends only the file's commands, then waits for the end of the motion.
     pub const PLAIN: Self = Self { opening: &[], closing: &["M400", LAST_LINE], is_upload: false };
-    /// Asks for temperature reports every two seconds meanwhile.
+    /// Like [`Self::PLAIN`], with a temperature report every two seconds.
     pub const WITH_TEMPERATURES: Self =
         Self { opening: &["M155 S2"], closing: &["M400", "M155 S0", LAST_LINE], is_upload: false };
 }
 
-/// The file's side: lines become numbered commands.
+/// Turns the file's lines into numbered commands.
 struct Source<'a> {
     next: NextLine<'a>,
     opening: std::slice::Iter<'a, &'a str>,
     closing: std::slice::Iter<'a, &'a str>,
     file_line: u32,
     number: u32,
-    /// Commands of the file.
+    /// Number of commands taken from the file.
     sent: u32,
     is_upload: bool,
 }
 
 impl Source<'_> {
-    /// The next command; `None` after the last.
+    /// Returns the next command; `None` after the last one.
     fn take(&mut self) -> io::Result<Result<Option<Command>, Stop>> {
         let (text, expects) = match self.opening.next() {
             Some(text) => (Some((*text).to_owned()), self.is_upload.then_some(WRITING)),
@@ -160,13 +161,13 @@ impl Source<'_> {
         })))
     }
 
-    /// A command that is not the file's.
+    /// Numbers a command that is not from the file.
     fn insert(&mut self, text: String) -> Command {
         self.number += 1;
         Command { number: self.number, file_line: self.file_line, text, expects: None }
     }
 
-    /// The file's next command.
+    /// Returns the file's next command.
     fn take_of_file(&mut self) -> io::Result<Result<Option<String>, Stop>> {
         while let Some(line) = (self.next)() {
             let line = line?;
@@ -185,7 +186,7 @@ impl Source<'_> {
     }
 }
 
-/// A command under way.
+/// Command on its way to the printer.
 struct Command {
     number: u32,
     file_line: u32,
@@ -195,8 +196,8 @@ struct Command {
 }
 
 impl Command {
-    /// Returns true if it must not be in an upload: it acts as its bytes arrive, or
-    /// ends the upload.
+    /// Returns true if the command must not be part of an upload: it acts as soon as its bytes
+    /// arrive, or ends the upload.
     fn acts_in_upload(&self) -> bool {
         use ferrostep_gcode::{CardCommand, Command as Parsed, parse};
         self.expects.is_none()
@@ -208,51 +209,51 @@ impl Command {
 enum Answer {
     Ok,
     Again(u32),
-    /// The printer has not repeated the text of the last line, or the text was lost.
+    /// The printer did not repeat the text of the last line, or the text was lost.
     NoText,
     Stop(Stop),
 }
 
-/// The conversation.
+/// State of the conversation with a printer.
 struct Sending<'a, P, W> {
     port: &'a mut P,
     packing: Packing,
     patience: Patience,
     watch: &'a mut W,
-    /// True once the printer has answered anything. Before that a `start` does not mean a reset.
+    /// True once the printer has answered anything. Until then a `start` does not mean a reset.
     is_known: bool,
     is_held: bool,
-    /// The printer's lines about the present line.
+    /// Lines that the printer has sent about the current line.
     said: Vec<String>,
-    /// Answers still to come to M108, which no line waits for.
+    /// Number of outstanding answers to M108, which no line waits for.
     beside: u32,
-    /// The line under way, and how often it was sent.
+    /// Number of the current line, and how often it was sent.
     line: u32,
     times: u32,
-    /// The printer repeats the text of M118.
+    /// True if the printer repeats the text of M118.
     repeats_text: bool,
-    /// Maximum number of lines by which the printer lags behind its answers. A line that was sent
-    /// again because the printer was silent may have had two answers, and so may a damaged line
-    /// that was cut in two; the later answer was taken for that to the next line. A line that the
-    /// printer calls unknown, with a text that was not sent, was damaged and answered.
+    /// Maximum number of lines by which the printer may lag behind its answers. A line that was
+    /// repeated because the printer was silent may get two answers, as may a damaged line that was
+    /// cut in two; the second answer is then taken for the answer to the next line. A line that the
+    /// printer calls unknown, quoting a text that was not sent, was damaged and yet answered.
     may_lack: u32,
-    /// Answers that may still come to lines sent before: one for each line that was sent again
-    /// because the printer was silent, as it may only have been slow.
+    /// Number of late answers that may still arrive: one for each line that was repeated because
+    /// the printer was silent, since it may only have been slow.
     owed: u32,
 }
 
 impl<P: Port, W: Watch> Sending<'_, P, W> {
-    /// Sends a command with its number, and waits for the printer's answer, with the line
-    /// that it `expects`.
+    /// Sends a command with its number and waits for the printer's answer, including the line that
+    /// it `expects`.
     fn ask(&mut self, number: u32, command: &str, expects: Option<&str>) -> Result<Answer, SendError> {
         let line = &numbered(number, command);
-        // An `ok` to the last line without its text is that to an earlier one. Where the printer
-        // repeats no texts, a silence shows that none is owed.
+        // An `ok` to the last line without its text answers an earlier line. If the printer repeats
+        // no texts, silence shows that no answer is owed.
         let waits_for_text = expects == Some(LAST_LINE_SAID) && self.repeats_text;
         let mut may_be_earlier = expects == Some(LAST_LINE_SAID);
         self.port.send(&self.packing.bytes(line))?;
         let (mut heard_at, mut asked_at) = (self.port.now(), self.port.now());
-        // The last sign that the printer works on a line.
+        // Last sign that the printer is working on a line.
         let mut at_work = heard_at;
         let (mut again, mut is_answered) = (None, false);
         loop {
@@ -273,12 +274,12 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
                         return Ok(Answer::NoText);
                     }
                     if is_answered {
-                        // No answer is missing.
+                        // All owed answers have arrived.
                         self.owed = 0;
                         return Ok(Answer::Ok);
                     }
-                    // The line, or its answer, was lost. A printer that has executed
-                    // it only answers.
+                    // The line or its answer was lost. A printer that has already executed the line
+                    // only answers it.
                     asked_at = now;
                     self.owed = if may_be_earlier { 0 } else { self.owed.saturating_add(1) };
                     may_be_earlier = false;
@@ -322,13 +323,13 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
         }
     }
 
-    /// Returns true if the printer has sent, about the present line, what it `expects`.
+    /// Returns true if the printer has sent the line that the current command `expects`.
     fn has_said(&self, expects: Option<&str>) -> bool {
         expects.is_none_or(|expects| self.said.iter().any(|said| said.starts_with(expects)))
     }
 
-    /// Returns the reason if a line of the printer ends the job. Notes whether the
-    /// job is to be held.
+    /// Returns the stop reason if a line from the printer ends the job. Updates whether the job is
+    /// held.
     fn stop_of(&mut self, said: &str) -> Result<Option<Stop>, SendError> {
         if said.starts_with(HALTED) {
             return Err(SendError::Halted(said.to_owned()));
@@ -348,9 +349,9 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
         Ok((is_error && !is_transfer_error(said)).then(|| Stop::Error(said.to_owned())))
     }
 
-    /// The line to send after the printer has asked for one: that under way, one that it may have
-    /// missed, or the next where it has had both copies of the present one. Any other means that
-    /// the printer counts from another number.
+    /// Returns the line to send when the printer asks for one: the current line, an earlier one
+    /// that it may have missed, or the next one if it has received both copies of the current line.
+    /// Any other number means that the printer counts differently.
     fn line_asked_for(&mut self, asked: u32) -> Result<u32, Stop> {
         let other_count = Err(Stop::OtherCount(asked, self.line));
         match self.line.checked_sub(asked) {
@@ -370,14 +371,14 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
         }
     }
 
-    /// Listens until the job continues, while it is held.
+    /// Listens while the job is held.
     fn wait_while_held(&mut self) -> Result<Option<Stop>, SendError> {
         while self.is_held {
             if self.watch.wants_end() {
                 return Ok(Some(Stop::Asked));
             }
             if self.watch.wants_wait_ended() {
-                // The printer waits for nothing: it has answered, and its host holds the job.
+                // The printer is not waiting: it has answered, and the host holds the job.
                 self.hold(false);
                 break;
             }
@@ -393,12 +394,12 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
     }
 }
 
-/// Sends G-code with numbers and checksums, with a frame around it, and repeats lines that the
-/// printer asks for. `next` returns the bytes of the file's next line. Packing is switched off at
-/// the end in any case.
+/// Sends G-code with numbers and checksums, framed by the commands in `frame`, and repeats lines
+/// that the printer asks for. `next` returns the bytes of the file's next line. Packing is switched
+/// off at the end in any case.
 ///
 /// # Errors
-/// The file cannot be read; the printer does not answer, has halted, or is gone.
+/// The file cannot be read; or the printer does not answer, has halted, or is gone.
 pub fn send_lines(
     port: &mut impl Port,
     packing: Packing,
@@ -457,7 +458,7 @@ fn send_each(
     }
     sending.said.clear();
     let mut kept: VecDeque<Command> = VecDeque::with_capacity(KEPT_LINES);
-    // The line to send next: one of those kept, or a new one.
+    // Number of the line to send next: a kept line or a new one.
     let (mut number, mut last_lines) = (1, 0);
     loop {
         if let Some(stop) = sending.wait_while_held()? {
@@ -510,7 +511,8 @@ fn send_each(
                 if last_lines > MOST_LAST_LINES {
                     return Err(SendError::Silent(vec![format!("(nothing after {LAST_LINE:?})")]));
                 }
-                // Sent again with its number, it might be answered by `ok` alone.
+                // Repeated with the same number, the line might be answered by `ok` alone; it gets
+                // a new number.
                 source.closing = LAST.iter();
                 sending.may_lack = sending.may_lack.saturating_add(1);
                 number += 1;

@@ -1,4 +1,4 @@
-//! The beginning of a conversation: from here on every `ok` answers a line of this host.
+//! Opens a conversation: from then on every `ok` answers a line of this host.
 
 use super::error::SendError;
 use super::packing::Packing;
@@ -6,28 +6,28 @@ use super::port::{Patience, Port};
 use super::protocol::{numbered, resend};
 use super::watch::Watch;
 
-/// The answer of printers that do not know M118 and do not repeat its text.
+/// Text in the answer of a printer that does not know M118 and does not repeat its text.
 const UNKNOWN: &str = "\"M118\"";
 
-/// Result of a meeting.
+/// Result of opening a conversation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Met {
-    /// The printer has answered everything.
+    /// The printer has answered all lines.
     Printer {
         /// True if the printer has repeated the text of M118.
         repeats_text: bool,
     },
-    /// [`Watch::wants_end`] has asked for it.
+    /// [`Watch::wants_end`] returned true.
     EndWanted,
 }
 
-/// Sets the printer's line number and hears all answers that it still owes: to what an earlier host
-/// has sent, to the half line that it may have left, and to the lines sent here. An `ok` does not
-/// say what it answers, so M118 makes the printer repeat a text that no other host sends; the `ok`
-/// after it is the last.
+/// Sets the printer's line number and waits for all answers that it still owes: to an earlier
+/// host's lines, to the unfinished line that it may have left, and to the lines sent here. An `ok`
+/// does not say which line it answers, so M118 makes the printer repeat a text that no other host
+/// sends; the `ok` after that text is the last one.
 ///
-/// The watch hears each line that is not part of this. A printer that answers without
-/// the text, because it does not have M118, counts as met after a while without an `ok`.
+/// The watch hears every other line. A printer that answers without the text, because it does not
+/// know M118, counts as met after a while without an `ok`.
 ///
 /// # Errors
 /// The printer does not answer, or is gone.
@@ -40,12 +40,13 @@ pub(super) fn meet(
     let mut heard_at = port.now();
     let mut attempt = 0_u32;
     loop {
-        // The answer to an earlier attempt is not that to this one.
+        // The text differs in each attempt, so that the answer to an earlier one is not taken for
+        // this one.
         let name = format!("ferrostep {}-{attempt}", std::process::id());
         attempt = attempt.wrapping_add(1);
         let lines = format!("\n{}{}", numbered(0, "M110 N0"), numbered(1, &format!("M118 {name}")));
         port.send(&packing.bytes(&lines))?;
-        // The last sign that the printer is at work on lines of any host.
+        // Last sign that the printer is working on lines of any host.
         let mut at_work = port.now();
         let (mut is_named, mut has_answered, mut wants_again) = (false, false, false);
         let mut repeats_text = false;
@@ -70,8 +71,8 @@ pub(super) fn meet(
             };
             heard_at = port.now();
             let is_ok = said.starts_with("ok");
-            // Temperatures may come on and on without a line; before the first answer they belong
-            // to a wait for heat.
+            // Temperature reports may go on without end; before the first answer they belong to a
+            // wait for heat.
             if is_ok || !has_answered || said.starts_with("echo:busy:") {
                 at_work = heard_at;
             }
@@ -81,7 +82,7 @@ pub(super) fn meet(
                 continue;
             }
             watch.hear(&said);
-            // A printer that was reset, or has not understood a line, has not heard the others.
+            // A printer that was reset or has rejected a line has not received the others.
             wants_again |= resend(&said).is_some() || said == "start";
             has_answered |= is_ok;
             if is_ok && is_named {
@@ -96,7 +97,8 @@ mod tests {
     use super::*;
     use crate::send::scripted::{Scripted, echo};
 
-    /// Meets a printer; its lines that were not heard, and how many lines it was sent.
+    /// Meets a printer; returns the result, the number of its lines that were not read, and the
+    /// number of lines it was sent.
     fn met(answer: impl FnMut(&str, usize) -> Vec<String>) -> (Result<Met, SendError>, usize, usize) {
         let mut port = Scripted::new(answer);
         let outcome = meet(&mut port, Packing::Plain, Patience::DEFAULT, &mut |_: &str| {});

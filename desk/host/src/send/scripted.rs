@@ -1,4 +1,4 @@
-//! A printer for tests of the sent lines.
+//! Scripted printer for tests of the sent lines.
 
 use std::collections::VecDeque;
 use std::io;
@@ -6,14 +6,14 @@ use std::time::Instant;
 
 use super::port::Port;
 
-/// Returns a printer's answer to M118, and its `ok`; `None` for another line.
+/// Returns a printer's answer to M118 with its `ok`; `None` for any other line.
 pub(super) fn echo(line: &str) -> Option<Vec<String>> {
     let text = line.split_once("M118 ")?.1.split('*').next()?;
     Some(vec![text.to_owned(), "ok".to_owned()])
 }
 
-/// A printer that answers by a function of the line and how often it was sent before; its clock
-/// runs while its host waits.
+/// Printer whose answers are a function of the line and of how often it was sent before; its clock
+/// runs only while the host waits.
 pub(super) struct Scripted<F> {
     answer: F,
     said: VecDeque<String>,
@@ -26,7 +26,7 @@ impl<L: Into<String>, F: FnMut(&str, usize) -> Vec<L>> Scripted<F> {
         Self { answer, said: VecDeque::new(), heard: Vec::new(), now: Instant::now() }
     }
 
-    /// Returns the number of its lines that its host has not heard.
+    /// Returns the number of lines that the host has not read.
     pub(super) fn unheard(&self) -> usize {
         self.said.len()
     }
@@ -34,7 +34,7 @@ impl<L: Into<String>, F: FnMut(&str, usize) -> Vec<L>> Scripted<F> {
 
 impl<L: Into<String>, F: FnMut(&str, usize) -> Vec<L>> Port for Scripted<F> {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        // Bytes that switch packing off are not text.
+        // The bytes that switch packing off are not text.
         let text = String::from_utf8_lossy(bytes);
         for line in text.lines().filter(|line| !line.is_empty()) {
             let times = self.heard.iter().filter(|heard| *heard == line).count();

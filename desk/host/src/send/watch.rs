@@ -1,12 +1,12 @@
 //! Observes a conversation with a printer.
 
-/// Observes the lines that are sent.
+/// Observer of a conversation, which may also intervene in it.
 pub trait Watch {
-    /// The printer has sent a line.
+    /// Receives a line from the printer.
     fn hear(&mut self, line: &str);
-    /// A line of the file, with its command, has been answered.
+    /// Called when a line of the file has been answered, with its number and command.
     fn sent(&mut self, _line: u32, _command: &str) {}
-    /// The printer wants its host to hold the job, or to continue.
+    /// Called when the printer asks its host to hold the job or to continue it.
     fn held(&mut self, _is_held: bool) {}
     /// Returns true if a person wants the job to end.
     fn wants_end(&mut self) -> bool {
@@ -16,7 +16,7 @@ pub trait Watch {
     fn command_between(&mut self) -> Option<String> {
         None
     }
-    /// Returns true if a person wants the printer's wait to end: a pause, or one for heat (M108).
+    /// Returns true if a person wants to end the printer's wait, a pause or one for heat (M108).
     fn wants_wait_ended(&mut self) -> bool {
         false
     }

@@ -11,7 +11,7 @@ fn a_step_gives_the_response_of_the_textbook() {
     let mut mode = Mode::new(hz, damping).unwrap();
     let (omega, mut time_s) = (TAU * hz, 0.0);
     let damped = omega * (1.0f64 - damping * damping).sqrt();
-    // The parts are uneven, as the solution must not depend on them.
+    // The parts are uneven, because the solution must not depend on them.
     for part_s in [0.0001, 0.003, 0.000_000_012, 0.02, 0.0007] {
         mode.advance(part_s, Motion::standing(1.0));
         time_s += part_s;

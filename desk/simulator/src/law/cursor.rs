@@ -1,24 +1,24 @@
-//! Walks along a shaped law without searching.
+//! Evaluates a shaped law in order of time, without searching.
 
 use crate::law::shaped::ShapedLaw;
 use crate::motion::Motion;
 
-/// A place on a shaped law that only moves forward in time.
+/// Position on a shaped law that only moves forward in time.
 #[derive(Clone, Debug)]
 pub struct ShapedCursor<'a> {
     shaped: ShapedLaw<'a>,
-    /// Number of pieces that have begun, by impulse.
+    /// Number of pieces that have begun, for each impulse.
     begun: Vec<usize>,
 }
 
 impl<'a> ShapedCursor<'a> {
-    /// Creates a cursor before the law's beginning.
+    /// Creates a cursor before the law's start.
     pub fn new(shaped: ShapedLaw<'a>) -> Self {
         Self { begun: vec![0; shaped.impulses.len()], shaped }
     }
 
-    /// Returns the next time after this one at which the acceleration may change, s;
-    /// infinite after the last.
+    /// Returns the next time after `time_s` at which the acceleration may change, s; infinite after
+    /// the last one.
     pub fn next_breakpoint_s(&mut self, time_s: f64) -> f64 {
         self.move_to(time_s);
         let pieces = self.shaped.law.pieces();
@@ -35,7 +35,7 @@ impl<'a> ShapedCursor<'a> {
         next_s
     }
 
-    /// The motion at a time, s, not earlier than those asked for before.
+    /// Returns the motion at a time, s, which must not be earlier than one asked for before.
     pub fn at(&mut self, time_s: f64) -> Motion {
         self.move_to(time_s);
         let mut sum = Motion::default();

@@ -1,42 +1,42 @@
-//! A law in pieces.
+//! Laws of motion in pieces.
 
 use crate::motion::Motion;
 use std::fmt;
 
-/// Pieces may overlap or leave a gap by this much: rounding of long sums.
+/// Maximum gap or overlap of two pieces, s: the rounding of long sums.
 const JOINT_S: f64 = 1e-6;
 
-/// A part of a law: a parabola in time.
+/// Part of a law: a parabola in time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Piece {
     /// Start, s.
     pub start_s: f64,
     /// Duration, s.
     pub duration_s: f64,
-    /// The motion at its start.
+    /// Motion at the start.
     pub motion: Motion,
 }
 
 impl Piece {
-    /// Returns its end, s.
+    /// Returns the piece's end, s.
     pub fn end_s(&self) -> f64 {
         self.start_s + self.duration_s
     }
 
-    /// The motion at a time, s, which need not be within the piece.
+    /// Returns the motion at a time, s, which need not be within the piece.
     pub fn at(&self, time_s: f64) -> Motion {
         self.motion.after(time_s - self.start_s)
     }
 }
 
-/// Reason for which pieces are not a law.
+/// Reason why pieces are not a law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LawError {
     /// The list of pieces is empty.
     Empty,
-    /// A number of the piece with this index is not finite, or its duration is not positive.
+    /// A number of the piece with this index is not finite, or its duration is not above 0.
     Number(usize),
-    /// The piece with this index does not begin where the one before ends.
+    /// The piece with this index does not begin where the previous one ends.
     Joint(usize),
 }
 
@@ -52,8 +52,8 @@ impl fmt::Display for LawError {
 
 impl std::error::Error for LawError {}
 
-/// Position against time of one coordinate, in pieces that follow each other. The coordinate is at
-/// rest before the first and after the last. A position may jump between two pieces, as that of an
+/// Position of one coordinate against time, in consecutive pieces. The coordinate is at rest before
+/// the first piece and after the last. The position may jump between two pieces, as that of an
 /// extruder with pressure advance does.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Law {
@@ -61,10 +61,10 @@ pub struct Law {
 }
 
 impl Law {
-    /// A law of these pieces.
+    /// Creates a law from pieces.
     ///
     /// # Errors
-    /// The pieces do not follow each other, or a number is not usable.
+    /// The pieces are not consecutive, or a number is unusable.
     pub fn new(pieces: Vec<Piece>) -> Result<Self, LawError> {
         let mut end_s = None;
         for (index, piece) in pieces.iter().enumerate() {
@@ -81,12 +81,12 @@ impl Law {
         if pieces.is_empty() { Err(LawError::Empty) } else { Ok(Self { pieces }) }
     }
 
-    /// The pieces; never empty.
+    /// Returns the pieces; never empty.
     pub fn pieces(&self) -> &[Piece] {
         &self.pieces
     }
 
-    /// Returns the beginning and end of the motion, s.
+    /// Returns the start and the end of the motion, s.
     pub fn ends_s(&self) -> [f64; 2] {
         match self.pieces.as_slice() {
             [] => [0.0; 2],
@@ -95,12 +95,13 @@ impl Law {
         }
     }
 
-    /// The motion at a time, s; at a joint that of the later piece.
+    /// Returns the motion at a time, s; at a joint, that of the later piece.
     pub fn at(&self, time_s: f64) -> Motion {
         self.piece_motion(self.pieces.partition_point(|piece| piece.start_s <= time_s), time_s)
     }
 
-    /// The motion in the piece before the one with this index; 0 is before the first.
+    /// Returns the motion in the piece before the one with index `next`; 0 means before the first
+    /// piece.
     pub(super) fn piece_motion(&self, next: usize, time_s: f64) -> Motion {
         let Some(index) = next.checked_sub(1) else {
             return Motion::standing(self.pieces.first().map_or(0.0, |first| first.motion.position_mm));
@@ -112,8 +113,8 @@ impl Law {
         }
     }
 
-    /// The law of position plus a time constant times speed: linear pressure advance. `applies`
-    /// says for which pieces.
+    /// Applies linear pressure advance: the position plus a time constant times the speed, in the
+    /// pieces for which `applies` returns true.
     pub fn advanced(&self, time_constant_s: f64, applies: impl Fn(usize) -> bool) -> Self {
         let pieces = self.pieces.iter().enumerate().map(|(index, piece)| {
             let gain_s = if applies(index) { time_constant_s } else { 0.0 };

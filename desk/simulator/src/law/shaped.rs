@@ -1,25 +1,25 @@
-//! A law after a shaper.
+//! Laws of motion with a shaper applied.
 
 use crate::law::pieces::Law;
 use crate::motion::Motion;
 use crate::shapers::Impulse;
 
-/// A law after a shaper: the weighted sum of the law at several delays.
+/// Law with a shaper applied: the weighted sum of the law at several delays.
 #[derive(Clone, Copy, Debug)]
 pub struct ShapedLaw<'a> {
-    /// The law before.
+    /// Law before shaping.
     pub law: &'a Law,
-    /// Weights and delays.
+    /// Weights and delays of the shaper.
     pub impulses: &'a [Impulse],
 }
 
 impl ShapedLaw<'_> {
-    /// The motion at a time, s.
+    /// Returns the motion at a time, s.
     pub fn at(&self, time_s: f64) -> Motion {
         self.impulses.iter().fold(Motion::default(), |sum, one| sum.plus(one.weight, self.law.at(time_s - one.delay_s)))
     }
 
-    /// Every time at which the acceleration may change, s, in order.
+    /// Returns every time at which the acceleration may change, s, in order.
     pub fn breakpoints_s(&self) -> Vec<f64> {
         let mut times: Vec<f64> = Vec::with_capacity((self.law.pieces().len() + 1) * self.impulses.len());
         for one in self.impulses {

@@ -1,23 +1,24 @@
-//! Finds the times at which a motor steps, by bisection, so that only the law itself decides.
+//! Finds the times at which a motor steps, by bisection, so that they depend only on the law
+//! itself.
 
 use crate::law::shaped::ShapedLaw;
 use crate::motion::Motion;
 
-/// Halvings of an interval; more than the digits of an f64.
+/// Number of times an interval is halved; more than an f64 has binary digits.
 const HALVINGS: usize = 64;
 
-/// A step of a motor.
+/// Step of a motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepTime {
     /// Time of the step, s.
     pub time_s: f64,
-    /// Towards smaller positions.
+    /// True towards smaller positions.
     pub negative: bool,
 }
 
-/// The steps of a motor with this scale that follows a shaped law from its beginning: the motor
-/// starts at the position rounded half away from zero, and steps where the position passes the
-/// middle between two steps. Times are in order.
+/// Returns the steps of a motor with this scale that follows a shaped law from its start. The motor
+/// starts at the nearest whole step, halves rounded away from zero, and steps where the position
+/// passes the middle between two steps. Times are in order.
 pub fn step_times(shaped: &ShapedLaw<'_>, steps_per_mm: f64) -> Vec<StepTime> {
     let breakpoints = shaped.breakpoints_s();
     let mut steps = Vec::new();
@@ -29,15 +30,15 @@ pub fn step_times(shaped: &ShapedLaw<'_>, steps_per_mm: f64) -> Vec<StepTime> {
         if duration_s <= 0.0 {
             continue;
         }
-        // The middle is inside one piece of every impulse, which the ends, by rounding, may not be.
+        // The middle lies within one piece for every impulse; the ends, because of rounding, may
+        // not.
         let start = shaped.at(start_s + 0.5 * duration_s).after(-0.5 * duration_s);
         follow(&mut steps, &mut place, start, [start_s, end_s], steps_per_mm);
     }
     steps
 }
 
-/// Adds the steps of a motor that is at this place, steps, and follows a motion, mm,
-/// between two times.
+/// Appends the steps of a motor at `place`, in steps, that follows a motion, mm, between two times.
 pub(crate) fn follow(
     steps: &mut Vec<StepTime>,
     place: &mut f64,
@@ -48,13 +49,13 @@ pub(crate) fn follow(
     let duration_s = end_s - start_s;
     let turn_s = -start.speed_mm_per_s / start.acceleration_mm_per_s2;
     let turn_s = if turn_s > 0.0 && turn_s < duration_s { turn_s } else { duration_s };
-    // Positions that a jump passes are due at once.
+    // Positions that a jump passes are due immediately.
     for part in [[0.0, 0.0], [0.0, turn_s], [turn_s, duration_s]] {
         due(steps, place, start, part, start_s, steps_per_mm);
     }
 }
 
-/// Steps between two times after `start`, between which the motion has one direction.
+/// Appends the steps between two times after `start`, between which the motion does not reverse.
 fn due(
     steps: &mut Vec<StepTime>,
     place: &mut f64,

@@ -8,7 +8,7 @@ use crate::shapers::{Shaper, ShaperKind};
 use ferrostep_random_cases::cases;
 use proptest::prelude::*;
 
-/// A law of pieces with these durations and accelerations, from standing at a position.
+/// Builds a law from pieces with these durations and accelerations, starting at rest.
 fn law(position_mm: f64, parts: &[(f64, f64)]) -> Law {
     let (mut start_s, mut motion) = (0.5, Motion::standing(position_mm));
     let mut pieces = Vec::new();
@@ -21,14 +21,14 @@ fn law(position_mm: f64, parts: &[(f64, f64)]) -> Law {
     Law::new(pieces).unwrap()
 }
 
-/// Accelerate, cruise, stop.
+/// Builds a law that accelerates, cruises and stops.
 fn line(speed: f64, acceleration: f64, cruise_s: f64) -> Law {
     let ramp_s = speed / acceleration;
     law(0.0, &[(ramp_s, acceleration), (cruise_s, 0.0), (ramp_s, -acceleration)])
 }
 
-/// Steps/mm of the trains whose ringing is looked at: half a step is 3 um, 0.8 % of what a stop
-/// from 300 mm/s leaves at 120 Hz.
+/// Steps/mm of the trains whose ringing is measured: half a step is 3 um, 0.8 % of what a stop from
+/// 300 mm/s leaves at 120 Hz.
 const FINE_STEPS_PER_MM: f64 = 160.0;
 
 fn steps(law: &Law, impulses: &[Impulse]) -> Vec<StepTime> {
@@ -78,7 +78,7 @@ fn an_advanced_law_jumps_and_its_steps_with_it() {
     assert_eq!(net, (end * 80.0).round() as i64);
 }
 
-/// Amplitude that a train of steps leaves in a mode, mm, just after its last step.
+/// Returns the amplitude that a train of steps leaves in a mode, mm, at `until_s`.
 fn residual_of_steps(steps: &[StepTime], hz: f64, damping: f64, until_s: f64) -> f64 {
     let mut mode = Mode::new(hz, damping).unwrap();
     let (mut place, mut time_s) = (0.0, 0.0);
@@ -108,8 +108,8 @@ fn steps_leave_what_the_theory_says() {
             .map(|kind| Shaper::new(kind, hz, 0.1).map(|shaper| (kind, train(&shaper), shaper)).unwrap());
         for ratio in [0.8, 0.9, 1.0, 1.1, 1.2] {
             for damping in [0.05, 0.1, 0.15] {
-                // The unshaped train's amplitude at the same age: the last impulse is
-                // as old as its end.
+                // Amplitude of the unshaped train at the same age: the last impulse is as old as
+                // the train's end.
                 let whole = residual_of_steps(&plain, hz * ratio, damping, end_s);
                 for (kind, train, shaper) in &shaped {
                     let left = residual_of_steps(train, hz * ratio, damping, end_s + shaper.length_s());
@@ -152,7 +152,7 @@ proptest! {
             place += sign;
             before_s = step.time_s;
         }
-        // The law may end in motion and then rest: no speed, no steps.
+        // The law may end in motion and then rest, without any speed or steps.
         prop_assert!((place - shaped.at(end_s + 1.0).position_mm * 80.0).abs() <= 0.5 + 1e-6);
     }
 

@@ -1,41 +1,41 @@
-//! Material that is not where it should be, at corners and at the ends of lines.
+//! Measures misplaced material at corners and at the ends of lines.
 //!
-//! At each instant the nozzle should let out its speed times the bead's cross-section. The
-//! difference belongs to the place on the path where the nozzle is, and with it to the nearest
+//! At each instant the nozzle should extrude its speed times the bead's cross-section. The
+//! difference is assigned to the place on the path where the nozzle is, and with it to the nearest
 //! corner or end, if that is near enough.
 
 use crate::path::PathSegment;
 use serde::Serialize;
 use std::collections::VecDeque;
 
-/// Farther away from a corner or an end, mm, a difference belongs to none.
+/// Maximum distance at which a difference is assigned to a corner or an end, mm.
 const REACH_MM: f64 = 5.0;
 
 /// Length of path over which differences are summed, mm.
 const BIN_MM: f64 = 0.1;
 
-/// Distance after which a place counts as passed for good, mm.
+/// Distance after which a place counts as passed for good, mm; twice the reach.
 const PASSED_MM: f64 = 2.0 * REACH_MM;
 
-/// A turn by more than this is a corner: the cosine of 30 degrees.
+/// Cosine of 30 degrees; a sharper turn is a corner.
 const CORNER_COSINE: f64 = 0.866_025_403_784_438_6;
 
-/// Pauses longer than this, s, end a line.
+/// Maximum pause within a line, s; a longer one ends the line.
 const PAUSE_S: f64 = 1e-6;
 
-/// Misplaced material; each difference counts, whether it is too much or too little.
+/// Misplaced material; differences in both directions, too much and too little, count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct BeadReport {
-    /// Volume at a corner within 5 mm of path, mean of all corners, mm^3.
+    /// Misplaced volume within 5 mm of path from a corner, mean of all corners, mm^3.
     pub corner_volume_mm3: f64,
-    /// Corners: turns by more than 30 degrees between two printed moves without a stop.
+    /// Number of corners: turns by more than 30 degrees between two printed moves without a stop.
     pub corners: u64,
-    /// Volume at a beginning or an end of a line within 5 mm of path, mean of all, mm^3; includes
-    /// the filament that leaves on travels.
+    /// Misplaced volume within 5 mm of path from a start or an end of a line, mean of all, mm^3;
+    /// includes filament that comes out on travels.
     pub end_volume_mm3: f64,
-    /// Beginnings and ends of lines, and stops in them.
+    /// Number of starts and ends of lines, and of stops within them.
     pub ends: u64,
-    /// Sum of the volumes in between, mm^3.
+    /// Sum of the misplaced volumes elsewhere, mm^3.
     pub elsewhere_volume_mm3: f64,
     /// Filament that came out while no line was printed, on travels and at stops for filament,
     /// mm^3; also counted above.
@@ -52,7 +52,7 @@ enum Feature {
 pub(super) struct Bead {
     features: VecDeque<(f64, Feature)>,
     before: Option<PathSegment>,
-    /// Sums of absolute differences, from bin number `first_bin` on.
+    /// Sums of absolute differences; the first is for bin number `first_bin`.
     bins: VecDeque<f64>,
     first_bin: usize,
     place_mm: f64,
@@ -62,7 +62,7 @@ pub(super) struct Bead {
 }
 
 impl Bead {
-    /// Continues the path after this length.
+    /// Continues the path with a segment that begins at this length.
     pub(super) fn push_segment(&mut self, segment: &PathSegment, place_mm: f64) {
         let before = self.before.replace(*segment);
         let printed = before.filter(PathSegment::is_printing);
@@ -87,19 +87,19 @@ impl Bead {
         self.features.push_back((place_mm, feature));
     }
 
-    /// A difference at a place of the path; without one, where the nozzle was last. The path
-    /// is known so far.
+    /// Adds a difference at a place on the path; without a place, at the nozzle's last one. The
+    /// path is known up to `known_mm`.
     pub(super) fn add(&mut self, place_mm: Option<f64>, difference_mm3: f64, known_mm: f64) {
         self.place_mm = place_mm.unwrap_or(self.place_mm);
         let settled_mm = (self.place_mm - PASSED_MM).min(known_mm - REACH_MM);
         self.settle(settled_mm);
         if self.bins.is_empty() {
-            // A place that the nozzle has jumped over has no difference.
+            // Places that the nozzle has jumped over have no differences.
             self.first_bin = self.first_bin.max((settled_mm / BIN_MM) as usize);
         }
         let bin = (self.place_mm / BIN_MM) as usize;
-        // A place that was passed long ago: its bin is settled, and the first that is not
-        // takes the difference.
+        // If the place was passed long ago, its bin is settled and the first unsettled one takes
+        // the difference.
         let index = bin.saturating_sub(self.first_bin);
         while self.bins.len() <= index {
             self.bins.push_back(0.0);
@@ -135,7 +135,7 @@ impl Bead {
 
     pub(super) fn finish(mut self) -> BeadReport {
         if let Some(true) = self.before.map(|before| before.is_printing()) {
-            // The path ends with a line.
+            // The path ends with a printed line.
             self.report.ends += 1;
             self.features.push_back((self.place_mm, Feature::End));
         }

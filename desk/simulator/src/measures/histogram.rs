@@ -1,4 +1,4 @@
-//! Counts values, for percentiles without keeping them.
+//! Counts values in bins, to estimate percentiles without keeping the values.
 
 /// Distribution of a quantity.
 #[derive(Clone, Debug)]
@@ -11,7 +11,7 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// Bins of this width, up to a maximum number; larger values share the last.
+    /// Creates a histogram of `bins` bins of this width; larger values share the last bin.
     pub fn new(bin: f64, bins: usize) -> Self {
         Self { bin, counts: vec![0; bins.max(1)], count: 0, square_sum: 0.0, max: 0.0 }
     }
@@ -31,17 +31,17 @@ impl Histogram {
         self.count
     }
 
-    /// The largest value; 0 without values.
+    /// Returns the maximum value; 0 without values.
     pub const fn max(&self) -> f64 {
         self.max
     }
 
-    /// Root of the mean square; 0 without values.
+    /// Returns the root mean square; 0 without values.
     pub fn rms(&self) -> f64 {
         if self.count == 0 { 0.0 } else { (self.square_sum / self.count as f64).sqrt() }
     }
 
-    /// The value that this part of all values does not exceed, to within a bin.
+    /// Returns the value that this part of all values does not exceed, to within a bin.
     pub fn percentile(&self, part: f64) -> f64 {
         let wanted = (part * self.count as f64).ceil() as u64;
         let mut sum = 0;
@@ -69,7 +69,7 @@ mod tests {
         assert!((histogram.percentile(0.5) - 5.0).abs() <= 0.1 + 1e-9);
         assert_eq!(histogram.max(), 10.0);
         assert!((histogram.rms() - (1001.0 * 2001.0 / 6.0 / 1e4f64).sqrt()).abs() < 1e-9);
-        // The largest value is used for all beyond the last bin.
+        // Values beyond the last bin are reported as the maximum.
         histogram.add(5000.0);
         assert_eq!(histogram.percentile(1.0), 5000.0);
     }

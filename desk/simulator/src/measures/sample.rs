@@ -1,4 +1,4 @@
-//! A nozzle's motion and flow at equal times.
+//! Samples of a nozzle's motion and flow at equal times.
 
 /// Time between two samples, s.
 pub const SAMPLE_S: f64 = 0.000_25;
@@ -16,8 +16,8 @@ pub struct Sample {
     pub nozzle_mm_per_s: [f64; 2],
     /// Position of the filament that the extruder's motor commands, mm.
     pub filament_mm: f64,
-    /// Volume that has come out since the sample before, mm^3.
+    /// Volume that has come out since the previous sample, mm^3.
     pub out_mm3: f64,
-    /// The coordinates were given other numbers since the sample before.
+    /// True if the origin of the coordinates has changed since the previous sample.
     pub restart: bool,
 }

@@ -1,4 +1,4 @@
-//! Records the samples around the largest error, and after the strongest stop, for pictures.
+//! Records the samples around the largest error and around the strongest stop, for pictures.
 
 use crate::measures::sample::{SAMPLE_S, Sample};
 use std::collections::VecDeque;
@@ -6,19 +6,19 @@ use std::collections::VecDeque;
 /// Time that a snapshot covers before and after its instant, s.
 const SIDE_S: f64 = 0.25;
 
-/// Samples of a snapshot.
+/// Number of samples in a snapshot.
 const LENGTH: usize = (2.0 * SIDE_S / SAMPLE_S) as usize;
 
 /// Samples around an instant, each with its contour error, um, if it was printing.
 #[derive(Clone, Debug, Default)]
 pub struct Snapshot {
-    /// The instant, s.
+    /// Time of the instant, s.
     pub time_s: f64,
-    /// The samples, in order.
+    /// Samples in order of time, each with its contour error.
     pub samples: Vec<(Sample, Option<f64>)>,
 }
 
-/// The two snapshots of a job.
+/// Two snapshots of a job.
 #[derive(Clone, Debug, Default)]
 pub struct Snapshots {
     recent: VecDeque<(Sample, Option<f64>)>,
@@ -29,12 +29,12 @@ pub struct Snapshots {
 }
 
 impl Snapshots {
-    /// Around the largest contour error.
+    /// Returns the samples around the largest contour error.
     pub const fn around_largest_error(&self) -> &Snapshot {
         &self.error
     }
 
-    /// Around the stop that rings most.
+    /// Returns the samples around the stop that rings most.
     pub const fn around_strongest_stop(&self) -> &Snapshot {
         &self.stop
     }

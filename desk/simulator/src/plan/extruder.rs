@@ -10,10 +10,10 @@ use std::collections::VecDeque;
 pub struct ExtruderFilter {
     /// Pressure advance, s.
     pub advance_s: f64,
-    /// Impulses; as those of X and Y where the filament goes with them.
+    /// Shaper of the filament; the shaper of X and Y if the filament is shaped along with them.
     pub shaper: Shaper,
-    /// Lengths of moving averages, s, rounded to two samples; two of the same
-    /// length are a triangle.
+    /// Lengths of moving averages, s, rounded to multiples of two samples; two of the same length
+    /// make a triangle.
     pub boxes_s: Vec<f64>,
 }
 
@@ -25,21 +25,22 @@ impl Default for ExtruderFilter {
 }
 
 impl ExtruderFilter {
-    /// Klipper's: pressure advance smoothed by a triangle of this length, over base
-    /// and advance alike.
+    /// Returns Klipper's filter: pressure advance smoothed by a triangle of this length, which
+    /// applies to the base motion and the advance alike.
     pub fn klipper(advance_s: f64, smooth_time_s: f64) -> Self {
         let boxes_s = if smooth_time_s > 0.0 { vec![0.5 * smooth_time_s; 2] } else { Vec::new() };
         Self { advance_s, boxes_s, ..Self::default() }
     }
 }
 
-/// A moving average.
+/// Moving average.
 struct Average {
     values: VecDeque<f64>,
-    /// Values that are averaged.
+    /// Number of values that are averaged.
     length: usize,
     sum: f64,
-    /// True if the outermost two count by half, for means of points and not of cells.
+    /// True if the first and the last value count half, for values at points; false for means over
+    /// cells.
     of_points: bool,
 }
 
@@ -48,7 +49,7 @@ impl Average {
         Self { values: VecDeque::with_capacity(length), length, sum: 0.0, of_points }
     }
 
-    /// The average, once there are enough values.
+    /// Adds a value and returns the average, once there are enough values.
     fn push(&mut self, value: f64) -> Option<f64> {
         self.values.push_back(value);
         self.sum += value;
@@ -66,7 +67,7 @@ impl Average {
     }
 }
 
-/// The filament's position at one sample after the other.
+/// Positions of the filament, sample by sample.
 pub(crate) struct ExtruderSamples<'a> {
     cursor: ShapedCursor<'a>,
     /// Time up to which the law has been read, s.
@@ -75,16 +76,17 @@ pub(crate) struct ExtruderSamples<'a> {
 }
 
 impl<'a> ExtruderSamples<'a> {
-    /// Samples a shaped law after these moving averages; the first sample will be at `first_s`.
+    /// Samples a shaped law with these moving averages applied; the first sample will be at
+    /// `first_s`.
     pub(crate) fn new(shaped: ShapedLaw<'a>, boxes_s: &[f64], first_s: f64) -> Self {
-        // Half a length, so that an average is centred at a sample.
+        // Half lengths, so that an average is centred at a sample.
         let halves: Vec<usize> = boxes_s
             .iter()
             .map(|length_s| (0.5 * length_s / SAMPLE_S).round() as usize)
             .filter(|half| *half > 0)
             .collect();
         let lead: usize = halves.iter().sum();
-        // The first averages what is between samples, exactly; the others average its results,
+        // The first average takes exact means between samples; the others average its results,
         // which are at samples.
         let averages = halves.iter().enumerate().map(|(index, half)| {
             let of_points = index > 0;
@@ -114,7 +116,7 @@ impl<'a> ExtruderSamples<'a> {
         }
     }
 
-    /// Mean position over the next sample's time.
+    /// Returns the mean position over the next sample interval.
     fn mean_of_next_cell(&mut self) -> f64 {
         let start_s = self.read_until_s;
         let end_s = start_s + SAMPLE_S;
@@ -123,7 +125,8 @@ impl<'a> ExtruderSamples<'a> {
             let until_s = self.cursor.next_breakpoint_s(time_s).min(end_s);
             let part_s = until_s - time_s;
             let middle = self.cursor.at(time_s + 0.5 * part_s);
-            // The mean of a parabola is its middle and a twenty-fourth of its curvature.
+            // The mean of a parabola is its value in the middle plus a twenty-fourth of its second
+            // derivative times the interval squared.
             sum += part_s * (middle.position_mm + middle.acceleration_mm_per_s2 * part_s * part_s / 24.0);
             time_s = until_s;
         }

@@ -10,7 +10,7 @@ use ferrostep_oracle::reference::{
 use ferrostep_rules::Move as RulesMove;
 use ferrostep_rules::klipper::{FlushTimes, Klipper, KlipperSettings};
 
-/// Filament of 1.75 mm.
+/// Cross-section of filament of 1.75 mm, mm^2.
 const FILAMENT_MM2: f64 = 1.75 * 1.75 * std::f64::consts::FRAC_PI_4;
 
 fn report(plans: &[Plan], filters: &Filters, machine: &Machine) -> Report {
@@ -19,8 +19,8 @@ fn report(plans: &[Plan], filters: &Filters, machine: &Machine) -> Report {
     measures.finish(time_s).0
 }
 
-/// A right angle: at a speed towards it, through it at 5 mm/s, and on at that speed, with a bead
-/// of 0.45 by 0.2 mm.
+/// Builds a right angle: towards it at a speed, through it at 5 mm/s, and on at the first speed,
+/// with a bead of 0.45 by 0.2 mm.
 fn right_angle(speed: f64, acceleration: f64) -> Vec<Plan> {
     let filament_mm = 50.0 * 0.45 * 0.2 / FILAMENT_MM2;
     let gcode = format!("G28\nM83\nG1 X50 E{filament_mm:.6} F6000\nG1 Y50 E{filament_mm:.6}\n");
@@ -34,7 +34,8 @@ fn right_angle(speed: f64, acceleration: f64) -> Vec<Plan> {
     Plan::of_job(&job, &[part(0.0, 5.0), part(5.0, 0.0)], FILAMENT_MM2)
 }
 
-/// X and Y through MZV for 50 Hz, on a frame too stiff to matter.
+/// Measures the misplaced volume at a corner with MZV for 50 Hz on X and Y, on a frame too stiff to
+/// matter.
 fn corner_mm3(plans: &[Plan], extruder: ExtruderFilter) -> f64 {
     let mzv = Shaper::new(ShaperKind::Mzv, 50.0, 0.1).unwrap();
     let filters = Filters { shapers: [mzv.clone(), mzv], extruder };
@@ -44,8 +45,8 @@ fn corner_mm3(plans: &[Plan], extruder: ExtruderFilter) -> f64 {
     report.bead.corner_volume_mm3
 }
 
-/// Volumes computed elsewhere, by another program, to 6 %: 0.251, 0.0236 and 0.0055 mm^3 at 100
-/// mm/s and 3000 mm/s^2; 0.317, 0.0634 and 0.0169 mm^3 at 200 mm/s and 10 000 mm/s^2.
+/// Compares with volumes that another program computed, to 6 %: 0.251, 0.0236 and 0.0055 mm^3 at
+/// 100 mm/s and 3000 mm/s^2; 0.317, 0.0634 and 0.0169 mm^3 at 200 mm/s and 10 000 mm/s^2.
 #[test]
 fn a_corner_misplaces_what_it_does_elsewhere() {
     let mzv = Shaper::new(ShaperKind::Mzv, 50.0, 0.1).unwrap();
@@ -60,14 +61,15 @@ fn a_corner_misplaces_what_it_does_elsewhere() {
         near(ExtruderFilter::default(), none);
         near(ExtruderFilter::klipper(0.04, 0.04), klipper_40);
         near(ExtruderFilter::klipper(0.04, 0.02), klipper_20);
-        // The filament through the same shaper as X and Y, and its pressure exactly undone.
+        // The filament has the same shaper as X and Y, and its pressure is exactly undone.
         let same = ExtruderFilter { advance_s: 0.04, shaper: mzv.clone(), boxes_s: Vec::new() };
         let volume = corner_mm3(&plans, same);
         assert!(volume < 0.25 * klipper_40, "{volume}");
     }
 }
 
-/// A job of the examples with all feeds times a factor, limits of the machine and not of the file.
+/// Plans an example job with all feeds times a factor and the limits of the profile, not of the
+/// file.
 fn example(file: &str, profile: &ReferenceProfile, feeds: f64) -> Job {
     let path = format!("{}/../../examples/{file}", env!("CARGO_MANIFEST_DIR"));
     let text = gcode_text(&std::fs::read(path).unwrap()).unwrap();
@@ -76,8 +78,8 @@ fn example(file: &str, profile: &ReferenceProfile, feeds: f64) -> Job {
     job
 }
 
-/// The bed-slinger of the tables: the limits of Z and of retractions are those of the file, whose
-/// own lines are left out.
+/// Returns the profile of the bed-slinger in the tables: the limits of Z and of retractions are
+/// those of the file, whose own limit commands are dropped.
 fn bed_slinger(acceleration: f64) -> ReferenceProfile {
     let cartesian = ReferenceProfile::cartesian();
     ReferenceProfile {
@@ -93,7 +95,7 @@ fn reference_speeds(job: &Job) -> Vec<MoveSpeeds> {
     reference_plan(job, None).moves.iter().map(|one| MoveSpeeds::from(one.law)).collect()
 }
 
-/// Klipper's limits for a machine: its defaults, but for Z and the extruder.
+/// Returns Klipper's limits for a machine: defaults, except for Z and the extruder.
 fn klippers(profile: &ReferenceProfile) -> KlipperSettings {
     let [x_feed, _, z_feed, e_feed] = profile.max_feed_mm_per_s;
     let acceleration = profile.acceleration_mm_per_s2;
@@ -107,7 +109,7 @@ fn klippers(profile: &ReferenceProfile) -> KlipperSettings {
     }
 }
 
-/// The speeds that Klipper's rules give a job's moves; its arcs are the oracle's chords.
+/// Returns the speeds that Klipper's rules give a job's moves; arcs are the oracle's chords.
 fn klipper_speeds(job: &Job, settings: KlipperSettings) -> Vec<MoveSpeeds> {
     let mut planner = Klipper::new(settings).unwrap();
     let mut planned = Vec::new();
@@ -133,10 +135,10 @@ fn time_s(job: &Job, speeds: &[MoveSpeeds]) -> f64 {
     Plan::of_job(job, speeds, FILAMENT_MM2).iter().map(Plan::duration_s).sum()
 }
 
-/// Times of another program with the same rules: 2381 s (2311 s without the cruise ratio and the
-/// extruder's rule) at 1000 mm/s^2, 1222 s (1168 s) at four times the feeds and 5000 mm/s^2; with
-/// arcs on a CoreXY at 10 000 mm/s^2 1081.5 s (1039 s). Within 0.2 %; the last, whose limits of Z
-/// are not known, within 1 %.
+/// Compares with the times of another program with the same rules: 2381 s (2311 s without the
+/// cruise ratio and the extruder's rule) at 1000 mm/s^2, 1222 s (1168 s) at four times the feeds
+/// and 5000 mm/s^2; with arcs on a CoreXY at 10 000 mm/s^2 1081.5 s (1039 s). Tolerance 0.2 %; 1 %
+/// for the last, whose Z limits are unknown.
 #[test]
 fn klippers_rules_take_the_time_they_take_elsewhere() {
     let (slow, fast) = (bed_slinger(1000.0), bed_slinger(5000.0));
@@ -160,8 +162,8 @@ fn klippers_rules_take_the_time_they_take_elsewhere() {
     }
 }
 
-/// Errors and times of another program, which has its own measure of the error: 99th percentiles
-/// within 15 % and 3 um.
+/// Compares with the errors and times of another program, which measures the error in its own way:
+/// 99th percentiles within 15 % and 3 um.
 #[test]
 fn contour_errors_are_those_of_another_simulator() {
     let profile = bed_slinger(5000.0);
@@ -184,7 +186,7 @@ fn contour_errors_are_those_of_another_simulator() {
     }
 }
 
-/// The nozzle is on the path without a filter, on a frame that does not give.
+/// Without a filter and on a rigid frame the nozzle stays on the path.
 #[test]
 fn a_stiff_frame_follows_the_path() {
     let plans = right_angle(100.0, 3000.0);
@@ -193,13 +195,13 @@ fn a_stiff_frame_follows_the_path() {
     assert!(report.contour_error_um.max < 5.0, "{:?}", report.contour_error_um);
     assert!((report.time_s - plans[0].duration_s()).abs() < 1e-9);
     // At the corner each axis changes its speed by 5 mm/s and, over a millisecond of ramp, by 1.5
-    // mm/s on the mean.
+    // mm/s on average.
     assert!((report.true_acceleration_mm_per_s2.p99 - 3000.0).abs() < 200.0);
     assert!((report.true_acceleration_mm_per_s2.max - 6500.0 * 2f64.sqrt()).abs() < 400.0);
     assert_eq!(report.ringing.stops, 1);
 }
 
-/// A stop from a ramp leaves a mode the amplitude that is known in closed form.
+/// A stop from a ramp leaves in a mode the amplitude that is known in closed form.
 #[test]
 fn ringing_after_a_stop_is_that_of_the_ramp() {
     let job = interpret(
@@ -216,7 +218,7 @@ G1 X60 F6000
     let machine =
         Machine { frame: FrameSettings { damping: 0.0, frequency_hz: [41.0; 2], second: None }, ..Machine::default() };
     let whole = report(&plans, &Filters::default(), &machine).ringing;
-    // Four steps of acceleration; each rings by a / w^2, added as vectors.
+    // Four acceleration steps; each rings by a / w^2, added as vectors.
     let omega = std::f64::consts::TAU * 41.0;
     let (mut sine, mut cosine) = (0.0, 0.0);
     for (time_s, sign) in [(0.0f64, 1.0f64), (0.05, -1.0), (0.6, -1.0), (0.65, 1.0)] {

@@ -1,4 +1,4 @@
-//! MZV with any number of impulses, at equal distances.
+//! General form of MZV: any number of impulses at equal distances.
 
 use std::f64::consts::TAU;
 use std::fmt;
@@ -6,19 +6,20 @@ use std::fmt;
 /// Maximum number of impulses, as in Klipper.
 const MAX_IMPULSES: usize = 10;
 
-/// Weights below this are a rounding error of zero; below its negative the shaper has a
-/// negative weight.
+/// Magnitude of weights that are rounding errors of zero; a weight below its negative value counts
+/// as negative.
 const WEIGHT_ROUNDING: f64 = 1e-5;
 
-/// A row of the equations that depends on those before it has less than this left.
+/// Norm below which what is left of a row counts as dependent on the rows before it.
 const DEPENDENT_ROW: f64 = 1e-9;
 
-/// Number and distance of impulses that leave no vibration at the undamped frequency and at the
-/// next zeros above it.
+/// Number and spacing of impulses that leave no vibration at the undamped frequency and at the next
+/// zeros above it.
 ///
 /// With `n` impulses over `t` periods the response is zero at `1 + i / tau` times the frequency,
-/// for `i` from 0 to `n - 2`, where `tau = t (n - 2) / (n - 2 t - 1)`; of all such weights it has
-/// those with the least sum of squares. Three impulses over three quarters of a period are MZV.
+/// for `i` from 0 to `n - 2`, where `tau = t (n - 2) / (n - 2 t - 1)`; of all such weights, those
+/// with the least sum of squares are chosen. Three impulses over three quarters of a period are
+/// MZV.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EvenSpacing {
     weights: [f64; MAX_IMPULSES],
@@ -29,13 +30,13 @@ pub struct EvenSpacing {
 /// Reason why a shaper does not exist.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum EvenSpacingError {
-    /// The number of impulses asked for is not 3 to 10.
+    /// The number of impulses is not within 3 to 10.
     Count(usize),
-    /// The time, in periods, is not positive, or too long for the number of impulses.
+    /// The time, in periods, is not positive, or is too long for the number of impulses.
     Length {
-        /// The time asked for.
+        /// Time asked for, periods.
         periods: f64,
-        /// The time must be less than this.
+        /// Limit below which the time must be, periods.
         limit: f64,
     },
     /// A weight would be negative.
@@ -57,17 +58,17 @@ impl fmt::Display for EvenSpacingError {
 impl std::error::Error for EvenSpacingError {}
 
 impl EvenSpacing {
-    /// Creates this number of impulses over this many damped periods.
+    /// Spaces `count` impulses over `periods` damped periods.
     ///
     /// # Errors
-    /// Count or time is out of range, or one of the impulses would be negative.
+    /// The count or the time is out of range, or a weight would be negative.
     pub fn new(count: usize, periods: f64) -> Result<Self, EvenSpacingError> {
         if !(3..=MAX_IMPULSES).contains(&count) {
             return Err(EvenSpacingError::Count(count));
         }
         let n = count as f64;
         let limit = 0.5 * (n - 1.0);
-        // Close to the limit the zeros move to infinity.
+        // Close to the limit the zeros move towards infinity.
         if !(periods > 0.0 && periods < limit - 1e-7) {
             return Err(EvenSpacingError::Length { periods, limit });
         }
@@ -89,30 +90,30 @@ impl EvenSpacing {
         Ok(Self { weights, count, periods })
     }
 
-    /// Weights without damping.
+    /// Returns the weights without damping.
     pub fn weights(&self) -> &[f64] {
         &self.weights[..self.count]
     }
 
-    /// Distance of two impulses, in damped periods.
+    /// Returns the distance between two impulses, in damped periods.
     pub fn step_periods(&self) -> f64 {
         self.periods / (self.count as f64 - 1.0)
     }
 
-    /// Number of impulses and the periods they cover.
+    /// Returns the number of impulses and the damped periods that they cover.
     pub const fn shape(&self) -> (usize, f64) {
         (self.count, self.periods)
     }
 }
 
-/// The shortest vector whose products with the rows are the rows' values; rows may
-/// depend on each other.
+/// Returns the shortest vector whose products with the rows are the rows' values; rows may depend
+/// on each other.
 fn least_norm(rows: &[(Vec<f64>, f64)], length: usize) -> Vec<f64> {
     let mut basis: Vec<(Vec<f64>, f64)> = Vec::new();
     let mut solution = vec![0.0; length];
     for (row, value) in rows {
         let (mut rest, mut rest_value) = (row.clone(), *value);
-        // Twice, because once loses digits where rows are nearly parallel.
+        // Subtract twice: once loses digits where rows are nearly parallel.
         for _ in 0..2 {
             for (unit, unit_value) in &basis {
                 let part: f64 = rest.iter().zip(unit).map(|(a, b)| a * b).sum();

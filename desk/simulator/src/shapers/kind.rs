@@ -1,8 +1,8 @@
-//! Lists the kinds of shapers.
+//! Kinds of shapers.
 
 use crate::shapers::even_spacing::EvenSpacing;
 
-/// The kinds of shaper.
+/// Kind of a shaper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ShaperKind {
     /// No shaper: one impulse without a delay.
@@ -11,23 +11,22 @@ pub enum ShaperKind {
     Zv,
     /// Klipper's modified zero vibration: three impulses over three quarters of a period.
     Mzv,
-    /// The general form of MZV: impulses at equal distances, with their zeros placed
-    /// around the frequency.
+    /// General form of MZV: impulses at equal distances, with their zeros placed around the
+    /// frequency.
     EvenMzv(EvenSpacing),
     /// Zero vibration and derivative: three impulses.
     Zvd,
     /// Zero vibration and two derivatives: four impulses.
     Zvdd,
-    /// Extra-insensitive in the form without fitted damping (Marlin, Prusa, Kalico,
-    /// Klipper until 2025).
+    /// Extra-insensitive, without fitted damping (Marlin, Prusa, Kalico, Klipper until 2025).
     EiOld,
     /// Extra-insensitive with fitted damping (Klipper since 2025).
     Ei,
-    /// Two humps, in the form without fitted damping.
+    /// Two humps, without fitted damping.
     TwoHumpEiOld,
     /// Two humps with fitted damping.
     TwoHumpEi,
-    /// Three humps, in the form without fitted damping.
+    /// Three humps, without fitted damping.
     ThreeHumpEiOld,
     /// Three humps with fitted damping.
     ThreeHumpEi,
@@ -49,8 +48,8 @@ impl ShaperKind {
         Self::ThreeHumpEi,
     ];
 
-    /// Largest damping ratio that the shaper is defined for; the fitted ones hold no farther than
-    /// they were fitted.
+    /// Returns the maximum damping ratio for which the shaper is defined; for the fitted shapers,
+    /// the end of the fitted range.
     pub const fn max_damping(self) -> f64 {
         match self {
             Self::Ei => 0.4,

@@ -1,11 +1,11 @@
-//! Names of shapers, as printers' settings write them.
+//! Reads and writes the names of shapers, as in printers' settings.
 
 use crate::shapers::even_spacing::EvenSpacing;
 use crate::shapers::kind::ShaperKind;
 use std::fmt;
 use std::str::FromStr;
 
-/// No shaper has this name; why, if the name was nearly right.
+/// Error for a name that no shaper has, with the reason if the name was nearly right.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnknownShaper(String);
 

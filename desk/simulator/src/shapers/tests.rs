@@ -3,7 +3,7 @@
 use super::*;
 use proptest::prelude::*;
 
-/// The damping that the tables are for.
+/// Damping ratio that the tables are for.
 const DAMPING: f64 = 0.1;
 
 fn weights(kind: ShaperKind) -> Vec<f64> {
@@ -28,7 +28,7 @@ fn weights_at_a_damping_of_a_tenth() {
     near(&weights(ShaperKind::ThreeHumpEi), &[0.221, 0.277, 0.260, 0.167, 0.075], 0.0006);
 }
 
-/// The worst residual of modes with damping 0.05, 0.1 and 0.15 at a multiple of the
+/// Returns the worst residual of modes with damping 0.05, 0.1 and 0.15 at a multiple of the
 /// shaper's frequency.
 fn worst_residual(kind: ShaperKind, ratio: f64) -> f64 {
     let shaper = Shaper::new(kind, 40.0, DAMPING).unwrap();
@@ -37,7 +37,7 @@ fn worst_residual(kind: ShaperKind, ratio: f64) -> f64 {
 
 #[test]
 fn residuals_beside_the_frequency() {
-    // Rows: at .8, .9, 1, 1.1, 1.2, 2 and 3 times the frequency, as they were computed elsewhere.
+    // Rows: residuals at .8, .9, 1, 1.1, 1.2, 2 and 3 times the frequency, from another program.
     let table: [(ShaperKind, [f64; 7], f64); 7] = [
         (ShaperKind::Zv, [0.30, 0.160, 0.072, 0.161, 0.29, 0.84, 0.28], 0.0616),
         (ShaperKind::Mzv, [0.22, 0.107, 0.043, 0.083, 0.13, 0.33, 0.57], 0.0815),
@@ -52,7 +52,7 @@ fn residuals_beside_the_frequency() {
         assert!((shaper.variance_s2() * 1600.0 - variance).abs() <= 0.001, "{kind}: {}", shaper.variance_s2() * 1600.0);
         for (ratio, expected) in [0.8, 0.9, 1.0, 1.1, 1.2, 2.0, 3.0].into_iter().zip(residuals) {
             let residual = worst_residual(kind, ratio);
-            // Written with two or three digits.
+            // The table's values have two or three digits.
             let digits = if (0.85..1.15).contains(&ratio) { 0.0011 } else { 0.006 };
             assert!((residual - expected).abs() <= digits, "{kind} at {ratio}: {residual} instead of {expected}");
         }
@@ -138,7 +138,7 @@ proptest! {
         let sum: f64 = shaper.impulses().iter().map(|one| one.weight).sum();
         prop_assert!((sum - 1.0).abs() < 1e-12);
         prop_assert!(shaper.impulses().windows(2).all(|pair| pair[0].delay_s < pair[1].delay_s));
-        // Weights of the fitted ones go below zero only where the fit ends.
+        // Weights of the fitted shapers become negative only near the end of the fitted range.
         if part < 0.9 {
             prop_assert!(shaper.impulses().iter().all(|one| one.weight > 0.0), "{:?}", shaper);
         }

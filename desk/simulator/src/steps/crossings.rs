@@ -1,25 +1,25 @@
-//! A motor's position between its steps.
+//! Interpolates a motor's position between its steps.
 
 use crate::measures::SAMPLE_S;
 use std::collections::VecDeque;
 
-/// Time without a step after which a motor is at rest, s.
+/// Time without a step after which a motor counts as at rest, s.
 const REST_S: f64 = 0.05;
 
-/// Maximum time from a crossing to the position where the motor rests, and back, s.
+/// Maximum time to settle from a crossing to the rest position, and to leave it again, s.
 const SETTLE_S: f64 = 0.005;
 
-/// The positions of a motor at the samples, in steps, by straight lines between crossings. A step
-/// is made where the position passes the middle between two whole ones.
+/// Positions of a motor at the samples, in steps, interpolated linearly between crossings. A step
+/// occurs where the position passes the middle between two whole steps.
 #[derive(Debug, Default)]
 pub(super) struct Crossings {
     position: i64,
-    /// The last step's time; `None` once the motor is at rest.
+    /// Time of the last step, s; `None` once the motor is at rest.
     last_step_s: Option<f64>,
-    /// End of the drawn line: time and position.
+    /// End of the interpolated line: time, s, and position, steps.
     drawn_s: f64,
     drawn: f64,
-    /// Samples drawn so far.
+    /// Number of samples interpolated so far.
     count: u64,
     samples: VecDeque<f64>,
 }
@@ -57,7 +57,7 @@ impl Crossings {
         self.last_step_s = Some(time_s);
     }
 
-    /// Passes a time without a step.
+    /// Advances to a time without a step.
     pub(super) fn idle(&mut self, time_s: f64) {
         let rest = self.position as f64;
         if let Some(last_s) = self.last_step_s {
@@ -67,13 +67,13 @@ impl Crossings {
             self.last_step_s = None;
             self.draw_to(last_s + SETTLE_S, rest);
         }
-        // The motor may leave again just before its next step.
+        // The motor may start to move again just before its next step.
         if time_s - SETTLE_S > self.drawn_s {
             self.draw_to(time_s - SETTLE_S, rest);
         }
     }
 
-    /// The same place is called by another number.
+    /// Changes the origin of the position by `by` steps; nothing moves.
     pub(super) fn redefine(&mut self, time_s: f64, by: i64) {
         self.last_step_s = None;
         let rest = self.position as f64;
@@ -102,7 +102,7 @@ mod tests {
     #[test]
     fn even_steps_are_a_straight_line() {
         let mut crossings = Crossings::default();
-        // 1000 steps/s from 1 s on: the first crossing, of 0.5, at 1 s.
+        // 1000 steps/s from 1 s on: the first crossing, at 0.5 steps, is at 1 s.
         (0..500).for_each(|step| crossings.step(1.0 + f64::from(step) * 0.001, 1));
         crossings.idle(3.0);
         let samples = samples(crossings);

@@ -7,32 +7,32 @@ use ferrostep_oracle::reference::{Job, Move, MoveKind, UNITS_PER_MM};
 use std::collections::VecDeque;
 use std::fmt;
 
-/// Steps that are kept at most until a part of the path is drawn from them, which at worst takes
+/// Maximum number of steps kept before part of the path is drawn from them; drawing takes at worst
 /// the square of their number.
 const MAX_POINTS: usize = 20_000;
 
-/// The longest part of the path that is drawn at once, s.
+/// Maximum duration of the path that is drawn at once, s.
 const MAX_PART_S: f64 = 10.0;
 
-/// The path that the steps draw is given up to this far, mm: two steps of a coarse motor.
+/// Tolerance of a path drawn from steps, mm: two steps of a coarse motor.
 const STEPS_TOLERANCE_MM: f64 = 0.02;
 
-/// A pause of this length ends a part of the path that the steps draw, s.
+/// Pause that ends a part of a path drawn from steps, s.
 const PAUSE_S: f64 = 0.1;
 
-/// The path does not fit the trace.
+/// Reason why the path does not match the trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PathError {
-    /// A move in the trace ends on one line, the G-code's move on another.
+    /// A move in the trace is on another line than the G-code's next move.
     Line {
-        /// The line of the trace.
+        /// Line in the trace.
         traced: u32,
-        /// The line of the G-code; none if it has no further move.
+        /// Line in the G-code; `None` if it has no further move.
         expected: Option<u32>,
     },
     /// The G-code has further moves.
     Unfinished {
-        /// The line of the first.
+        /// Line of the first further move.
         line: u32,
     },
 }
@@ -69,7 +69,7 @@ pub struct PathSource {
     filament_mm2: f64,
     /// End of the last known part of the path, s.
     end_s: f64,
-    /// Lines before whose moves the printer adds others.
+    /// Lines of moves before which the printer adds its own.
     after_own: VecDeque<u32>,
 }
 
@@ -88,8 +88,8 @@ struct Point {
 }
 
 impl PathSource {
-    /// The moves of a G-code file, and the times that a plan gives them, s, by which the time of
-    /// several moves of one line is shared out.
+    /// Takes the path from the moves of a G-code file. `durations_s` are the times that a plan
+    /// gives them, s; a line's time is divided among its moves in their proportion.
     pub fn of_job(job: &Job, durations_s: Vec<f64>, filament_mm2: f64) -> Self {
         let moves: Vec<(Move, f64)> = job.moves.iter().copied().zip(durations_s).collect();
         Self {
@@ -110,13 +110,13 @@ impl PathSource {
         self
     }
 
-    /// The path that the motors themselves draw: a trace without its G-code is
-    /// measured against that.
+    /// Takes the path from the motors' own steps: a trace without its G-code is measured against
+    /// that.
     pub const fn of_steps(filament_mm2: f64) -> Self {
         Self { from: From::Steps { points: Vec::new() }, filament_mm2, end_s: 0.0, after_own: VecDeque::new() }
     }
 
-    /// The job may stop before its end.
+    /// Allows the job to stop before its end.
     pub fn may_end_early(mut self) -> Self {
         if let From::Job { may_end_early, .. } = &mut self.from {
             *may_end_early = true;
@@ -124,8 +124,8 @@ impl PathSource {
         self
     }
 
-    /// The plan may add a move that is too short to the next one, whose end is then that of both,
-    /// and drop such a move at the end.
+    /// Allows the plan to join a move that is too short to the next one, whose end is then that of
+    /// both, and to drop such a move at the end.
     pub fn may_join_moves(mut self) -> Self {
         if let From::Job { may_end_early, joins, .. } = &mut self.from {
             (*may_end_early, *joins) = (true, true);
@@ -133,7 +133,8 @@ impl PathSource {
         self
     }
 
-    /// Before the move of this line the printer adds others: to a parking place, to another tool.
+    /// Notes that before the move of this line the printer adds its own, such as to a parking
+    /// position or another tool.
     pub(super) fn own_moves_before(&mut self, line: u32) {
         if let From::Job { .. } = self.from {
             self.after_own.push_back(line);
@@ -165,7 +166,7 @@ impl PathSource {
             self.restart_points(time_s, place_mm, filament_mm);
             return Ok(());
         };
-        // Moves of this line, and those before it that leave no record.
+        // Moves of this line, and moves before it that leave no record.
         let mut part = Vec::new();
         loop {
             let (one, duration_s) = moves.next().ok_or(PathError::Line { traced: line, expected: None })?;
@@ -202,11 +203,11 @@ impl PathSource {
         Ok(())
     }
 
-    /// The motors' positions were redefined.
+    /// Restarts the path after the motors' positions were redefined.
     pub(super) fn restart(&mut self, time_s: f64, place_mm: [f64; 2], filament_mm: f64, measures: &mut Measures) {
         self.draw(measures);
         if let From::Steps { points } = &mut self.from {
-            // The change from the place's old number to the new one is not motion.
+            // The change of the origin is not motion.
             points.clear();
         }
         self.restart_points(time_s, place_mm, filament_mm);
@@ -233,7 +234,7 @@ impl PathSource {
         }
     }
 
-    /// Makes segments of the points: as few as stay within the tolerance.
+    /// Draws segments through the points, as few as stay within the tolerance.
     fn draw(&mut self, measures: &mut Measures) {
         let From::Steps { points } = &mut self.from else { return };
         let points = std::mem::take(points);
@@ -268,9 +269,9 @@ impl PathSource {
     }
 }
 
-/// The point farthest from the line between the first and the last, if that is farther than
-/// the tolerance; of several that are as far, the one nearest to the middle, so that a path to
-/// and fro is halved.
+/// Finds the point farthest from the line between the first and the last, if that is farther than
+/// the tolerance. Of several equally far ones, it is the one nearest to the middle, so that a path
+/// to and fro is halved.
 fn farthest(points: &[Point]) -> Option<usize> {
     let [first, .., last] = points else { return None };
     let chord = PathSegment { start_s: 0.0, end_s: 0.0, from_mm: first.place_mm, to_mm: last.place_mm, bead_mm2: 0.0 };
@@ -286,7 +287,7 @@ fn farthest(points: &[Point]) -> Option<usize> {
 mod tests {
     use super::*;
 
-    /// Split off one by one, n points would take n^2 distances.
+    /// Splitting points off one by one would take n^2 distances for n points.
     #[test]
     fn a_path_to_and_fro_is_split_in_its_middle() {
         let point = |index: u32| Point {

@@ -1,4 +1,4 @@
-//! Steps of a plan: every motor steps where its filtered position passes the middle
+//! Plays the steps of a plan: every motor steps where its filtered position passes the middle
 //! between two steps.
 
 use super::{MOTORS, StepSimulation, StepsError};
@@ -11,11 +11,11 @@ use ferrostep_oracle::reference::Kinematics;
 use ferrostep_oracle::trace::{Record, StepEvent, TraceHeader};
 
 impl StepSimulation {
-    /// Plays the steps of plans, one plan after the other, and the ends of their moves. Returns how
-    /// long the plans take, s.
+    /// Plays the steps of plans one after the other, and the ends of their moves. Returns the total
+    /// duration of the plans, s.
     ///
     /// # Errors
-    /// The plans are not those of the path.
+    /// The plans do not match the path.
     pub fn play_plans(&mut self, plans: &[Plan], filters: &Filters) -> Result<f64, StepsError> {
         let mut begins_s = 0.0;
         for plan in plans {
@@ -24,16 +24,16 @@ impl StepSimulation {
         Ok(plans.iter().map(Plan::duration_s).sum())
     }
 
-    /// Plays the steps of a plan; nothing moves before this time, s. Returns the time after
-    /// which nothing moves.
+    /// Plays the steps of a plan that starts no earlier than `begins_s`. Returns the time after
+    /// which nothing moves, s.
     fn play_plan(&mut self, plan: &Plan, filters: &Filters, begins_s: f64) -> Result<f64, StepsError> {
         let header = self.header.clone();
         records(&header, plan, filters, begins_s, |record| self.play(record))
     }
 }
 
-/// Hands out the records that a trace of a plan has; the motors of the header are three of the axes
-/// and the extruder.
+/// Passes to `see` the records that a trace of the plan would have; the header's motors are three
+/// for the axes and one for the extruder. Returns the time after which nothing moves, s.
 pub(super) fn records<E>(
     header: &TraceHeader,
     plan: &Plan,
@@ -41,7 +41,7 @@ pub(super) fn records<E>(
     begins_s: f64,
     mut see: impl FnMut(&Record) -> Result<(), E>,
 ) -> Result<f64, E> {
-    // Filters begin before the plan does, and end after it.
+    // Filters begin before the plan and end after it.
     let lead_s = filters.half_length_s() + SAMPLE_S;
     let windows = ((plan.duration_s() + 2.0 * lead_s) / SAMPLE_S).ceil() as u64;
     let tick = |time_s: f64| ((begins_s + lead_s + time_s) * header.tick_hz as f64).round() as u64;
@@ -78,7 +78,7 @@ pub(super) fn records<E>(
     Ok(begins_s + windows as f64 * SAMPLE_S)
 }
 
-/// The motors on their way through a plan.
+/// Motors moving through a plan.
 struct Motors<'a> {
     kinematics: Kinematics,
     steps_per_mm: [f64; MOTORS],
@@ -86,13 +86,13 @@ struct Motors<'a> {
     axes: [ShapedCursor<'a>; 3],
     filament: ExtruderSamples<'a>,
     filament_mm: f64,
-    /// Whole steps.
+    /// Positions of the motors, whole steps.
     places: [f64; MOTORS],
     found: Vec<StepTime>,
 }
 
 impl<'a> Motors<'a> {
-    /// Starts the motors at the steps that are nearest to the plan's beginning.
+    /// Starts the motors at the whole steps nearest to the plan's start.
     fn new(header: &TraceHeader, axes: [ShapedCursor<'a>; 3], filament: ExtruderSamples<'a>, time_s: f64) -> Self {
         let mut steps_per_mm = [0.0; MOTORS];
         steps_per_mm.iter_mut().zip(&header.steps_per_mm).for_each(|(scale, header)| *scale = *header);
@@ -114,15 +114,17 @@ impl<'a> Motors<'a> {
         motors
     }
 
-    /// Returns the motion of the axes' motors from now on, if they do not change before a time, s.
+    /// Returns the motion of the axes' motors from now on, if no acceleration changes before
+    /// `until_s`.
     fn motion(&mut self, until_s: f64) -> [Motion; 3] {
-        // The middle is inside one piece of every impulse, which the ends, by rounding, may not be.
+        // The middle lies within one piece for every impulse; the ends, because of rounding, may
+        // not.
         let half_s = 0.5 * (until_s - self.time_s);
         let axes = self.axes.each_mut().map(|axis| axis.at(self.time_s + half_s).after(-half_s));
         self.kinematics.motors(axes)
     }
 
-    /// The steps until the next sample, those of each motor in order.
+    /// Passes the steps until the next sample to `see`, those of each motor in order.
     fn step_until(&mut self, sample_s: f64, mut see: impl FnMut(usize, StepTime)) {
         let start_s = self.time_s;
         while self.time_s < sample_s {
@@ -134,8 +136,8 @@ impl<'a> Motors<'a> {
             }
             self.time_s = until_s;
         }
-        // Averages leave so little of the filament's acceleration that it goes straight from
-        // sample to sample.
+        // After the averages so little of the filament's acceleration is left that its motion is
+        // taken as linear between samples.
         let before_mm = std::mem::replace(&mut self.filament_mm, self.filament.next_mm());
         let speed_mm_per_s = (self.filament_mm - before_mm) / (sample_s - start_s);
         let motion = Motion { speed_mm_per_s, ..Motion::standing(before_mm) };

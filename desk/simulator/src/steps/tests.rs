@@ -26,7 +26,7 @@ fn header(kinematics: Kinematics, steps_per_mm: f64) -> TraceHeader {
     }
 }
 
-/// A square with a travel, a retraction and a slope, without homing records.
+/// Plans a square with a travel, a retraction and a slope, without homing records.
 fn job() -> (Job, Vec<MoveSpeeds>) {
     let gcode = b"G28\nM83\nG1 X20 F6000\nG1 X40 E.75 F4800\nG1 Y20 E.75\nG1 X20 E.75\nG1 E-1 F2100\nG1 X10 Y10 F9000\nG1 E1 F2100\nG1 X35 Y0 E1 F3000\n";
     let job = interpret(gcode, &ReferenceProfile::cartesian(), InterpretOptions::default()).unwrap();
@@ -34,7 +34,8 @@ fn job() -> (Job, Vec<MoveSpeeds>) {
     (job, speeds)
 }
 
-/// The records of a job whose motors step where the plan passes the middle between two steps.
+/// Returns the records of a job whose motors step where the plan passes the middle between two
+/// steps.
 fn records(job: &Job, speeds: &[MoveSpeeds], kinematics: Kinematics, steps_per_mm: f64) -> Vec<Record> {
     let plans = Plan::of_job(job, speeds, FILAMENT_MM2);
     records_of(&plans[0], &Filters::default(), &header(kinematics, steps_per_mm))
@@ -55,8 +56,8 @@ fn sum(x: &Law, y: &Law, factor: f64) -> Law {
     Law::new(pieces.map(|(x, y)| Piece { motion: x.motion.plus(factor, y.motion), ..*x }).collect()).unwrap()
 }
 
-/// Every motor steps when it does in the reference, which has one law for each motor and no
-/// windows of time.
+/// Every motor steps when it does in the reference, which has one law for each motor and no time
+/// windows.
 #[test]
 fn a_plan_steps_where_the_reference_does() {
     let (job, speeds) = job();
@@ -66,7 +67,7 @@ fn a_plan_steps_where_the_reference_does() {
     let extruder = ExtruderFilter { advance_s: 0.04, ..ExtruderFilter::default() };
     let filters = Filters { shapers: [zv.clone(), zv.clone()], extruder };
     let (zv, identity) = (zv.centred(), Shaper::identity());
-    // Half of a shaper's length and a sample; ticks are as good as 12 ns.
+    // Half a shaper's length and a sample; ticks resolve 12 ns.
     let begins_s = zv.impulses()[1].delay_s.max(-zv.impulses()[0].delay_s) + SAMPLE_S;
     for kinematics in [Kinematics::Cartesian, Kinematics::CoreXy, Kinematics::CoreXz] {
         let records = records_of(&plans[0], &filters, &header(kinematics, 80.0));
@@ -86,7 +87,7 @@ fn a_plan_steps_where_the_reference_does() {
             assert_eq!(steps.len(), expected.len(), "{kinematics:?} {motor}");
             for ((tick, negative), expected) in steps.into_iter().zip(&expected) {
                 let off_ticks = (expected.time_s + begins_s) * TICK_HZ as f64 - tick as f64;
-                // The time of a motor that hardly moves is known less well than its place.
+                // The step time of a motor that hardly moves is less certain than its position.
                 assert!(
                     off_ticks.abs() < 1000.0 && negative == expected.negative,
                     "{kinematics:?} {motor}: {off_ticks}"
@@ -103,15 +104,15 @@ fn a_plan_steps_where_the_reference_does() {
             }
             _ => 0,
         });
-        // 0.75 three times, a retraction and a recovery, and 1.
+        // 0.75 mm three times, a retraction and a recovery, and 1 mm.
         assert_eq!(filament.sum::<i32>(), 260);
         let ends = records.iter().filter(|record| matches!(record, Record::MoveEnd { .. })).count();
         assert_eq!(ends, job.moves.len());
     }
 }
 
-/// A plan by other rules has an extruder of whole steps, as this machine's; fine ones
-/// measure as none do.
+/// A plan by other rules steps the extruder in whole steps, as this firmware does; fine steps
+/// measure the same as no steps.
 #[test]
 fn coarse_steps_of_the_extruder_are_seen_at_a_corner() {
     let (job, speeds) = job();
@@ -155,8 +156,8 @@ fn planned(job: &Job, speeds: &[MoveSpeeds], machine: &Machine) -> Report {
     measures.finish(time_s).0
 }
 
-/// Fine steps measure as the plan without steps does, on both kinematics, by the G-code's path and
-/// by the steps' own.
+/// Fine steps measure the same as the plan without steps, on both kinematics, with the path from
+/// the G-code and with the path from the steps.
 #[test]
 fn steps_measure_as_their_plan_does() {
     let (job, speeds) = job();
@@ -189,7 +190,7 @@ fn steps_measure_as_their_plan_does() {
     }
 }
 
-/// Homing's stops and time do not count, and new numbers for a place are not motion.
+/// Stops and time of homing do not count, and a changed origin is not motion.
 #[test]
 fn homing_is_no_part_of_the_job() {
     let machine = Machine::default();
@@ -206,7 +207,7 @@ fn homing_is_no_part_of_the_job() {
     let expected_um = 10.5 / (std::f64::consts::TAU * 40.0) * 1000.0;
     assert!((report.ringing.max_um - expected_um).abs() < 0.15 * expected_um, "{report:?}");
     assert!((report.time_s - 80.0 / 84.0).abs() < 1e-9, "{report:?}");
-    // A trace with filament is a job whose coordinates get other numbers on the way.
+    // A trace with extrusion is a job whose origin changes on the way.
     records.insert(5, step(450_000, 8));
     let report = play(header(Kinematics::Cartesian, 80.0), &machine, of_steps(), &records).unwrap();
     assert_eq!(report.ringing.stops, 2);
@@ -257,7 +258,7 @@ fn a_long_pause_costs_neither_time_nor_memory() {
 
 #[test]
 fn after_a_pause_of_ages_time_is_still_exact() {
-    // An f64 knows the sum of such ticks at 1 Hz to a thousand seconds only.
+    // In an f64 the sum of such ticks at 1 Hz is exact only to a thousand seconds.
     let mut slow = header(Kinematics::Cartesian, 80.0);
     slow.tick_hz = 1;
     let step = |tick| Record::Step(StepEvent { tick, axes: 1, directions: 0 });
@@ -331,7 +332,7 @@ const TEXT: &str = concat!(
     "\n"
 );
 
-/// Plays a trace's bytes, whatever they are.
+/// Plays the bytes of a trace, valid or not.
 fn play_bytes(bytes: &[u8]) -> Result<Report, StepsError> {
     let reader = TraceReader::new(bytes).map_err(StepsError::Trace)?;
     let path = PathSource::of_steps(FILAMENT_MM2);
@@ -347,8 +348,8 @@ fn play_bytes(bytes: &[u8]) -> Result<Report, StepsError> {
 proptest! {
     #![proptest_config(cases(64))]
 
-    /// Any records, and any cut of them: measures or an error by name, finite
-    /// numbers, and no panic.
+    /// Any records, and any truncation of them, give measures or a named error: finite numbers, and
+    /// no panic.
     #[test]
     fn any_trace_is_measured_or_refused(
         records in prop::collection::vec((0u64..30_000_000, 0u8..4, any::<u8>(), any::<u8>(), any::<i32>()), 0..60),

@@ -1,5 +1,5 @@
-//! Hostile conversations: bytes that are damaged, lines and answers that are lost, doubled or late,
-//! printers that restart their count.
+//! Tests hostile conversations: damaged bytes; lost, doubled or late lines and answers; printers
+//! that restart their count.
 
 #![allow(clippy::unwrap_used)]
 
@@ -10,42 +10,44 @@ use ferrostep_random_cases::{Random, share_of};
 
 use super::*;
 
-/// Maximum number of lines in a conversation: a host that sends one without end is stopped.
+/// Maximum number of lines in a conversation, to stop a host that repeats lines forever.
 const MOST_LINES: usize = 3_000;
 
-/// Mishaps of a line or its answer.
+/// Mishap of a line or its answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Mishap {
-    /// One of the line's bytes arrives as another.
+    /// One byte of the line changes.
     Damage,
     LineLost,
     AnswerLost,
-    /// The answer comes later than a host waits for it.
+    /// The answer comes after the host has stopped waiting for it.
     AnswerLate,
-    /// The line is answered by `ok` twice.
+    /// The printer answers the line with `ok` twice.
     OkTwice,
-    /// The printer asks for any line, though it has executed this one.
+    /// The printer executes this line but asks for an arbitrary other one.
     AsksForAnother,
-    /// The printer counts from another number from here on, as after another host's M110.
+    /// From here on the printer counts from another number, as after another host's M110.
     CountsAnew,
-    /// The printer is silent from here on.
+    /// From here on the printer is silent.
     Deaf,
 }
 
-/// A printer that counts lines as Marlin does, written from its protocol's description and not with
+/// Printer that counts lines as Marlin does, written from the protocol's description and without
 /// this firmware's reader.
 struct Printer {
     last: i64,
     executed: Vec<String>,
-    /// A line with a checksum and without a number is asked for; else it is an unknown command.
+    /// True if a line with a checksum but no number makes the printer ask for it again; otherwise
+    /// the line is an unknown command.
     asks_without_number: bool,
-    /// The last line is only answered when it comes again; else it is asked for the next.
+    /// True if the printer only answers a repeat of the last line; otherwise it asks for the next
+    /// one.
     answers_repeats: bool,
     knows_m118: bool,
 }
 
 impl Printer {
-    /// Takes a line's bytes; what the printer says.
+    /// Takes a line's bytes and returns the printer's answer.
     fn take(&mut self, line: &[u8]) -> Vec<String> {
         let text = String::from_utf8_lossy(line).into_owned();
         let numbered = text.strip_prefix('N').and_then(|rest| {
@@ -91,11 +93,11 @@ impl Printer {
 struct Line {
     printer: Printer,
     random: Random,
-    /// Number of lines of which one has a mishap.
+    /// One line in this many has a mishap.
     one_in: u64,
     mishaps: Vec<Mishap>,
     is_deaf: bool,
-    /// Lines of the job since the printer was met.
+    /// Number of lines sent.
     lines: usize,
     said: VecDeque<(Instant, String)>,
     now: Instant,
@@ -117,8 +119,8 @@ impl Line {
         let at = self.below(self.mishaps.len() as u64) as usize;
         let mishap = self.mishaps[at];
         if matches!(mishap, Mishap::CountsAnew | Mishap::Deaf) {
-            // This happens once, and alone: a host cannot tell a count that went back from lines
-            // that it has lost before.
+            // This mishap happens once and alone: a host cannot tell a count that went back from
+            // earlier lost lines.
             self.mishaps.clear();
         }
         Some(mishap)
@@ -138,7 +140,7 @@ impl Line {
             Some(Mishap::CountsAnew) => {
                 self.printer.last = self.below(50) as i64;
                 let is_this = String::from_utf8_lossy(&line).starts_with(&format!("N{} ", self.printer.last));
-                // A printer that answers repeats takes this line for one, which no host can tell.
+                // A printer that answers repeats takes this line for one; no host can detect that.
                 self.printer.last += i64::from(is_this && self.printer.answers_repeats);
             }
             Some(Mishap::Deaf) => self.is_deaf = true,
@@ -180,7 +182,7 @@ impl Port for Line {
     }
 
     fn receive(&mut self, until: Instant) -> io::Result<Option<String>> {
-        // Answers come in their order, late ones before those after them.
+        // Answers arrive in order: late ones delay those after them.
         match self.said.front() {
             Some(&(at, _)) if at <= until => {
                 self.now = self.now.max(at);
@@ -198,7 +200,7 @@ impl Port for Line {
     }
 }
 
-/// Lines of a file, as hosts, slicers and editors leave them, and the commands in them.
+/// Generates a file's lines, as hosts, slicers and editors write them, and the commands in them.
 fn file(random: &mut Random) -> (Vec<String>, Vec<String>) {
     let (mut lines, mut commands) = (Vec::new(), Vec::new());
     for number in 1..=5 + random.bits() % 30 {
@@ -224,7 +226,7 @@ fn file(random: &mut Random) -> (Vec<String>, Vec<String>) {
     (lines, commands)
 }
 
-/// A job that ends as printed was executed: every line once, in order.
+/// A job that ends as printed was executed: every line once and in order.
 #[test]
 fn every_line_is_executed_once_in_order_or_the_job_ends_with_an_error() {
     let (mut printed, mut ended) = (0, 0);
@@ -250,7 +252,7 @@ fn every_line_is_executed_once_in_order_or_the_job_ends_with_an_error() {
             executed: Vec::new(),
             asks_without_number: random.bits().is_multiple_of(2),
             answers_repeats: random.bits().is_multiple_of(2),
-            // A host cannot tell late answers without its text at the end.
+            // Without the text at the end a host cannot recognise late answers.
             knows_m118: mishaps.contains(&Mishap::AnswerLate) || !random.bits().is_multiple_of(8),
         };
         let (one_in, now) = (2 + random.bits() % 20, Instant::now());
@@ -274,6 +276,6 @@ fn every_line_is_executed_once_in_order_or_the_job_ends_with_an_error() {
             }
         }
     }
-    // Both are tried.
+    // Both outcomes must occur.
     assert!(printed > 500 && ended > 500, "{printed} printed, {ended} ended");
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::*;
 use crate::send::scripted::{Scripted, echo};
 
-/// A printer that is met, and answers the job.
+/// Creates a printer that answers the opening handshake, then the job with `answer`.
 fn printer<'a>(
     mut answer: impl FnMut(&str, usize) -> Vec<&'a str>,
 ) -> Scripted<impl FnMut(&str, usize) -> Vec<String>> {
@@ -14,13 +14,13 @@ fn printer<'a>(
     })
 }
 
-/// The lines of the job, without checksums.
+/// Filters the lines of the job and strips their checksums.
 fn sent(heard: Vec<String>) -> Vec<String> {
     let of_job = heard.into_iter().filter(|line| !line.contains("M110") && !line.contains("M118"));
     of_job.map(|line| line.split('*').next().unwrap().to_owned()).collect()
 }
 
-/// Sends two commands and a comment; the outcome, and the lines sent after the first.
+/// Sends two commands and a comment; returns the outcome and the lines of the job.
 fn send(answer: impl FnMut(&str, usize) -> Vec<&'static str>) -> (Result<Outcome, SendError>, Vec<String>) {
     let mut port = printer(answer);
     let mut lines = ["G28 ; home", "", "; hop", "  G1 X5"].into_iter().map(|line| Ok(line.as_bytes().to_vec()));
@@ -53,8 +53,8 @@ fn a_line_is_sent_again_where_the_printer_asks() {
         send(|line, times| if line.starts_with("N2") && times == 0 { wrong.to_vec() } else { vec!["ok"] });
     assert_eq!(outcome.unwrap(), done(1));
     assert_eq!(sent, ["N1 G28", "N2 G1 X5", "N2 G1 X5", "N3 M400"]);
-    // The line has arrived, its answer has not: the printer asks for the next one
-    // when it comes again.
+    // The line has arrived but its answer was lost: when the line comes again, the printer asks for
+    // the next one.
     let had = ["Error:Line Number is not Last Line Number+1, Last Line: 2", "Resend: 3", "ok"];
     let (outcome, sent) = send(|line, times| match (line.starts_with("N2"), times) {
         (true, 0) => vec![],
@@ -65,7 +65,7 @@ fn a_line_is_sent_again_where_the_printer_asks() {
     assert_eq!(sent, ["N1 G28", "N2 G1 X5", "N2 G1 X5", "N3 M400"]);
 }
 
-/// A line that was answered would be executed twice, one that is passed over not at all.
+/// Continuing would execute an answered line twice, or skip a line.
 #[test]
 fn a_printer_that_counts_from_another_number_ends_the_job() {
     for (asked, at) in [("Resend: N1", 2), ("Resend: 0", 2), ("Resend: 3", 2), ("rs 1000", 2), ("Resend: 1", 3)] {
@@ -121,8 +121,8 @@ fn a_printer_that_is_busy_is_not_asked_again() {
     assert_eq!(sent, WHOLE);
 }
 
-/// A file is written between M28 and M29, and only where the printer says that it writes: what it
-/// does not write it would execute.
+/// A file is written between M28 and M29, and only if the printer confirms that it writes:
+/// otherwise it would execute the lines.
 #[test]
 fn an_upload_sends_nothing_that_would_be_executed() {
     const UPLOAD: Frame<'static> = Frame { opening: &["M28 A.GCO"], closing: &["M29"], is_upload: true };
@@ -196,8 +196,8 @@ fn a_start_before_the_first_answer_is_no_reset() {
     assert_eq!(outcome.unwrap(), done(0));
 }
 
-/// The answer to the half line of an earlier host comes before the first of our own. A host that
-/// took it for the answer to M110 would be one ahead: done before the printer is.
+/// The answer to an earlier host's unfinished line comes before the first answer to this host.
+/// Taken for the answer to M110, it would put the host one line ahead: done before the printer is.
 #[test]
 fn an_answer_to_an_earlier_host_is_not_taken_for_ours() {
     let mut port =
@@ -208,8 +208,8 @@ fn an_answer_to_an_earlier_host_is_not_taken_for_ours() {
     assert_eq!((outcome.unwrap().sent, port.unheard()), (1, 0));
 }
 
-/// A printer that is only slow answers a line as often as it was sent. A host that took the second
-/// answer for that to the next line would be done before the printer is.
+/// A slow printer answers a line as often as it was sent. A host that took the second answer for
+/// the answer to the next line would be done before the printer is.
 #[test]
 fn a_slow_printer_is_waited_for_to_its_last_answer() {
     let mut port = printer(|line, times| match (line.starts_with("N1 G28"), times) {
@@ -223,7 +223,7 @@ fn a_slow_printer_is_waited_for_to_its_last_answer() {
     assert_eq!((outcome.unwrap().sent, port.unheard()), (2, 0));
 }
 
-/// Holds a job for some looks of its host.
+/// Records when a job is held, and wants the end after some polls.
 struct Holding(Vec<bool>, u32);
 
 impl Watch for Holding {
@@ -257,7 +257,7 @@ fn a_held_job_waits_as_long_as_it_takes_and_can_be_ended() {
     assert!(port.now - begun > Duration::from_secs(60));
 }
 
-/// Puts commands of a person between two of the file, and ends the printer's pause.
+/// Inserts a person's commands between two of the file, and ends the printer's pause.
 struct Between {
     commands: Vec<&'static str>,
     is_held: bool,
@@ -281,8 +281,8 @@ impl Watch for Between {
     }
 }
 
-/// M601 has its `ok` when the pause ends, and M108, which ends it, has its own: the host is not one
-/// ahead after that.
+/// M601 gets its `ok` when the pause ends, and M108, which ends the pause, gets its own: the host
+/// is not one line ahead afterwards.
 #[test]
 fn a_person_pauses_between_two_lines_and_goes_on() {
     let answer = |line: &str, _: usize| match line.split(['*', ' ']).nth(1) {
@@ -300,7 +300,7 @@ fn a_person_pauses_between_two_lines_and_goes_on() {
 }
 
 /// A host that the printer has asked to hold its job (`//action:pause`) continues by itself: no
-/// line waits in the printer.
+/// line is waiting in the printer.
 #[test]
 fn a_job_that_its_host_holds_goes_on_without_m108() {
     let mut port = printer(|line, _| match line.split(' ').next() {
@@ -315,7 +315,7 @@ fn a_job_that_its_host_holds_goes_on_without_m108() {
     assert_eq!(sent(port.heard), ["N1 G28", "N2 G1 X5", "N3 M400"]);
 }
 
-/// Wants the job to continue once the line that held it has its answer.
+/// Asks to continue the job once the line that held it is answered.
 #[derive(Default)]
 struct AfterAnswer {
     is_held: bool,
@@ -336,7 +336,7 @@ impl Watch for AfterAnswer {
     }
 }
 
-/// A printer that also reports its temperatures every two seconds (M155).
+/// Printer that also reports its temperatures every two seconds (M155).
 struct Reporting<P>(P, Instant, u32);
 
 impl<P: Port> Port for Reporting<P> {
@@ -360,7 +360,8 @@ impl<P: Port> Port for Reporting<P> {
     }
 }
 
-/// Reports come without a line, so they do not show that the printer works on one.
+/// Temperature reports do not answer a line, so they do not show that the printer is working on
+/// one.
 #[test]
 fn a_lost_answer_is_noticed_in_spite_of_reports() {
     let answer = |line: &str, times: usize| if line.starts_with("N1") && times == 0 { vec![] } else { vec!["ok"] };
