@@ -91,7 +91,7 @@ proptest! {
             pressure_advance_s: advance,
             ..settings()
         };
-        // Less than half a second waits, so that all of it is read before anything is fixed.
+        // Less than half a second is waiting, so all of it is read before anything is fixed.
         let oracle = oracle(&moves, &settings);
         let all = two_pass::plan(&oracle, usize::MAX);
         let mut ring = Planner::Rrf(Rrf::new(RrfSettings { ring_length: 100, ..settings }).unwrap());
