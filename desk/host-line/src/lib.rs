@@ -162,7 +162,7 @@ impl Line {
     /// more than 4096.
     ///
     /// # Errors
-    /// The line is broken for good. A host that disconnects is not an error.
+    /// The line is permanently broken. A host that disconnects is not an error.
     pub fn read(&mut self, max_bytes: usize) -> io::Result<Vec<u8>> {
         self.flush()?;
         let mut bytes = [0; MAX_READ];

@@ -1,4 +1,4 @@
-//! Arcs in X and Y as each firmware cuts them into chords.
+//! Cuts arcs in X and Y into chords as each firmware does.
 //!
 //! Sources: Klipper's *G-Codes* and `klippy/extras/gcode_arcs.py`; Marlin's *Configuration*
 //! (`ARC_SUPPORT`) and `Marlin/src/gcode/motion/G2_G3.cpp`; RepRapFirmware's `DoArcMove` in
@@ -7,10 +7,10 @@
 use crate::motion::ArcHint;
 use std::f64::consts::TAU;
 
-/// A G2 or G3 in X and Y, with Z and the filament along it.
+/// G2 or G3 arc in X and Y, with Z and the filament along it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arc {
-    /// Displacement from the start to the end: X, Y, Z, the filament, mm.
+    /// Displacement of X, Y, Z and the filament from the start to the end, mm.
     pub displacement_mm: [f64; 4],
     /// Vector from the start to the centre: I and J, mm.
     pub centre_mm: [f64; 2],
@@ -18,7 +18,7 @@ pub struct Arc {
     pub is_clockwise: bool,
 }
 
-/// Marlin's arcs.
+/// Marlin's settings for arcs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MarlinArcs {
     /// `MIN_ARC_SEGMENT_MM`.
@@ -27,19 +27,18 @@ pub struct MarlinArcs {
     pub max_segment_mm: f64,
     /// `MIN_CIRCLE_SEGMENTS`.
     pub min_circle_segments: u32,
-    /// `ARC_SEGMENTS_PER_SEC`, where it is set.
+    /// `ARC_SEGMENTS_PER_SEC`, if set.
     pub segments_per_s: Option<f64>,
-    /// The smaller of the largest accelerations of X and Y, and of their largest speeds, for
-    /// [`ArcHint`]; `None` in versions without hints.
+    /// Limits for [`ArcHint`]; `None` in versions without hints.
     pub hints: Option<ArcLimits>,
 }
 
-/// The limits that Marlin's hints take.
+/// Limits that Marlin's hints use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ArcLimits {
-    /// The smaller of the largest accelerations of X and Y, mm/s^2.
+    /// Smaller of the maximum accelerations of X and Y, mm/s^2.
     pub acceleration_mm_per_s2: f64,
-    /// The smaller of the largest speeds of X and Y, mm/s.
+    /// Smaller of the maximum speeds of X and Y, mm/s.
     pub speed_mm_per_s: f64,
 }
 
@@ -49,32 +48,32 @@ impl Default for MarlinArcs {
     }
 }
 
-/// The way of a firmware to cut arcs.
+/// Method by which a firmware cuts arcs into chords.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ArcCut {
-    /// Klipper: as many whole `resolution` of `[gcode_arcs]` as the arc is long.
+    /// Klipper: as many chords as the arc's length holds whole `resolution`s of `[gcode_arcs]`.
     Klipper {
-        /// `resolution`, mm; 1 by default.
+        /// `resolution`, mm; the default is 1.
         resolution_mm: f64,
     },
-    /// Marlin.
+    /// Marlin, by its settings.
     Marlin(MarlinArcs),
-    /// RepRapFirmware: at most 5 um from the arc, at most 200 chords a second, 0.02 to 1 mm.
+    /// RepRapFirmware: at most 5 um from the arc, at most 200 chords per second, 0.02 to 1 mm long.
     Rrf,
 }
 
-/// Maximum number of chords that one arc is cut into; a firmware would be busy with it for hours.
+/// Maximum number of chords of one arc; a firmware would be busy with so many for hours.
 const MAX_CHORDS: f64 = 1e7;
 
 impl Arc {
-    /// Radius at its start, mm.
+    /// Returns the radius at the arc's start, mm.
     pub fn radius_mm(&self) -> f64 {
         let [i, j] = self.centre_mm;
         i.hypot(j)
     }
 
-    /// Swept angle, radian, positive counter-clockwise; a whole turn if it ends
-    /// where it begins.
+    /// Returns the swept angle, rad, positive counter-clockwise; a full turn if the arc ends where
+    /// it begins.
     pub fn sweep(&self) -> f64 {
         let [i, j] = self.centre_mm;
         let [x, y, ..] = self.displacement_mm;
@@ -90,10 +89,10 @@ impl Arc {
         if self.is_clockwise { sweep - TAU } else { sweep }
     }
 
-    /// The chords, in order.
+    /// Cuts the arc into chords, in order.
     ///
-    /// `feed_mm_per_s` is the speed asked for: Marlin (where it has segments per second) and
-    /// RepRapFirmware cut by it.
+    /// `feed_mm_per_s` is the requested speed, on which the chords of Marlin (with segments per
+    /// second) and of RepRapFirmware depend.
     pub fn chords(&self, cut: &ArcCut, feed_mm_per_s: f64) -> Chords {
         let sweep = self.sweep();
         let flat_mm = self.radius_mm() * sweep.abs();
@@ -137,25 +136,25 @@ impl MarlinArcs {
     }
 }
 
-/// A chord of an arc.
+/// Chord of an arc.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chord {
     /// Displacement of X, Y, Z and the filament, mm.
     pub displacement_mm: [f64; 4],
-    /// Marlin's hint.
+    /// Marlin's hint for the chord.
     pub hint: Option<ArcHint>,
 }
 
-/// The chords of an arc, in order.
+/// Iterator over the chords of an arc, in order.
 #[derive(Clone, Debug)]
 pub struct Chords {
     arc: Arc,
     sweep: f64,
     count: u32,
     done: u32,
-    /// End of the chords so far, from the arc's start, mm.
+    /// End of the last chord, relative to the arc's start, mm.
     place_mm: [f64; 2],
-    /// Acceleration, and squared speed.
+    /// Acceleration, mm/s^2, and squared speed, (mm/s)^2, for the hints.
     hints: Option<(f64, f64)>,
     flat_mm: f64,
 }

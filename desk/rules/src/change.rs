@@ -1,29 +1,29 @@
-//! Commands of a file that change the limits, and what each firmware makes of them.
+//! Commands in a file that change the limits, and their effect on each firmware.
 
 use crate::motion::Axis;
 
-/// The letters of a command with their numbers.
+/// Words of a command: letters with their numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Words<'a>(&'a [(char, f64)]);
 
 impl<'a> Words<'a> {
-    /// The words of a command, letters in capitals.
+    /// Wraps the words of a command; letters are upper case.
     pub const fn new(words: &'a [(char, f64)]) -> Self {
         Self(words)
     }
 
-    /// The number of a letter, where the command has it.
+    /// Returns the number of a letter, if the command has that letter.
     pub fn get(&self, letter: char) -> Option<f64> {
         self.0.iter().find(|(other, _)| *other == letter).map(|(_, value)| *value)
     }
 
-    /// The number of a letter, if it is finite and above 0.
+    /// Returns the number of a letter, if it is finite and above 0.
     pub fn positive(&self, letter: char) -> Option<f64> {
         self.get(letter).filter(|value| value.is_finite() && *value > 0.0)
     }
 }
 
-/// The words of Klipper's `SET_VELOCITY_LIMIT`.
+/// Parameters of Klipper's `SET_VELOCITY_LIMIT`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct VelocityLimit {
     /// `VELOCITY`, mm/s.
@@ -34,21 +34,21 @@ pub struct VelocityLimit {
     pub square_corner_velocity: Option<f64>,
     /// `MINIMUM_CRUISE_RATIO`.
     pub minimum_cruise_ratio: Option<f64>,
-    /// `ACCEL_TO_DECEL`, mm/s^2, which `minimum_cruise_ratio` has replaced: the ratio is what it
-    /// lacks of the acceleration.
+    /// `ACCEL_TO_DECEL`, mm/s^2, replaced by `minimum_cruise_ratio`: the ratio is 1 minus its
+    /// quotient with the acceleration.
     pub accel_to_decel: Option<f64>,
 }
 
-/// A command that changes limits.
+/// Command that changes limits.
 #[derive(Clone, Copy, Debug)]
 pub enum Change<'a> {
-    /// Largest accelerations of axes.
+    /// Maximum accelerations of axes.
     M201(Words<'a>),
-    /// Largest speeds of axes.
+    /// Maximum speeds of axes.
     M203(Words<'a>),
     /// Accelerations along the path.
     M204(Words<'a>),
-    /// Jerk, junction deviation, smallest speeds.
+    /// Jerk, junction deviation, minimum speeds.
     M205(Words<'a>),
     /// RepRapFirmware's jerk, in mm/min.
     M566(Words<'a>),
@@ -56,21 +56,21 @@ pub enum Change<'a> {
     VelocityLimit(VelocityLimit),
 }
 
-/// The effect of a command on the limits.
+/// Effect of a command on the limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effect {
-    /// The moves after it have other limits.
+    /// The limits of later moves have changed.
     Changed,
-    /// The firmware has the command, and none of its words changes a limit.
+    /// The firmware knows the command, but none of its words changes a limit.
     Unchanged,
-    /// The firmware has no such command, or none in this build.
+    /// The firmware does not know the command, or not in this build.
     Unknown,
-    /// The firmware refuses a word's value; nothing has changed.
+    /// The firmware refuses the value of a word; nothing has changed.
     Refused,
 }
 
-/// Takes what a command says of axes, each times `factor`. Values that are not above 0 are
-/// refused, all of them.
+/// Sets the values of the axes that a command names, each multiplied by `factor`. If one value is
+/// not above 0, all are refused.
 pub(crate) fn set_axes(words: &Words<'_>, values: &mut [f64; 4], factor: f64) -> Effect {
     let mut changed = *values;
     let mut effect = Effect::Unchanged;

@@ -4,15 +4,15 @@
 //! ratio), *Config reference* and *G-Codes*; read against `klippy/toolhead.py`,
 //! `klippy/kinematics/extruder.py` and `klippy/kinematics/corexy.py`.
 //!
-//! In short: one acceleration for all moves of X, Y and Z. Corners are taken as by a junction
-//! deviation of `v^2 (sqrt(2) - 1) / a`, `v` being the square corner velocity, and no faster
-//! than an arc that touches both moves within their halves. The filament's speed may jump by
-//! the instantaneous corner velocity. A second look-ahead with the acceleration times one minus
-//! the minimum cruise ratio lowers the cruise of short moves. A move of filament alone begins
+//! In short: all moves of X, Y and Z have one acceleration. Corners are taken as by a junction
+//! deviation of `v^2 (sqrt(2) - 1) / a`, where `v` is the square corner velocity, and no faster
+//! than an arc that touches both moves within their halves. The filament's speed may jump by the
+//! instantaneous corner velocity. A second look-ahead, with the acceleration times one minus the
+//! minimum cruise ratio, lowers the cruise speed of short moves. A move of filament alone begins
 //! and ends at rest.
 //!
-//! Klipper also ends its look-ahead where its buffer runs low, which depends on the computer; here
-//! the buffer never does.
+//! Klipper also ends its look-ahead when its buffer runs low, which depends on the computer; here
+//! the buffer never runs low.
 
 mod queue;
 
@@ -21,26 +21,26 @@ use crate::motion::{Move, MoveError, PlannedMove};
 use crate::setting::{SettingError, not_negative, positive, refused};
 use queue::{Candidate, Queue};
 
-/// The times of moves that Klipper gathers before it looks ahead (`LOOKAHEAD_FLUSH_TIME`,
+/// Durations of moves that Klipper gathers before it looks ahead (`LOOKAHEAD_FLUSH_TIME`,
 /// `BUFFER_TIME_HIGH`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlushTimes {
-    /// Time from one look-ahead to the next, s.
+    /// Duration of moves gathered from one look-ahead to the next, s.
     pub usual_s: f64,
-    /// Time before the first look-ahead after a stop, s.
+    /// Duration of moves gathered before the first look-ahead after a stop, s.
     pub after_stop_s: f64,
 }
 
 impl FlushTimes {
-    /// Those of Klipper 0.14.
+    /// Times of Klipper 0.14.
     pub const KLIPPER_0_14: Self = Self { usual_s: 0.150, after_stop_s: 1.0 };
-    /// Those of Klipper up to 0.13, and of Kalico.
+    /// Times of Klipper up to 0.13, and of Kalico.
     pub const KLIPPER_0_13: Self = Self { usual_s: 0.250, after_stop_s: 2.0 };
-    /// Never: moves are planned when [`Klipper::flush`] says so, with all of them known.
+    /// Infinite times: moves are planned only by [`Klipper::flush`], with all of them known.
     pub const NEVER: Self = Self { usual_s: f64::INFINITY, after_stop_s: f64::INFINITY };
 }
 
-/// Klipper's limits, by the names of its configuration.
+/// Klipper's limits, with the names of its configuration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KlipperSettings {
     /// `max_velocity`, mm/s.
@@ -53,7 +53,7 @@ pub struct KlipperSettings {
     pub max_z_accel_mm_per_s2: f64,
     /// `square_corner_velocity`, mm/s.
     pub square_corner_velocity_mm_per_s: f64,
-    /// `minimum_cruise_ratio`, 0 to less than 1.
+    /// `minimum_cruise_ratio`, from 0 to less than 1.
     pub minimum_cruise_ratio: f64,
     /// `max_extrude_only_velocity`, mm/s.
     pub max_extrude_only_velocity_mm_per_s: f64,
@@ -61,20 +61,21 @@ pub struct KlipperSettings {
     pub max_extrude_only_accel_mm_per_s2: f64,
     /// `instantaneous_corner_velocity`, mm/s.
     pub instantaneous_corner_velocity_mm_per_s: f64,
-    /// The times at which moves are planned.
+    /// Times after which moves are planned.
     pub flush_times: FlushTimes,
 }
 
 impl KlipperSettings {
-    /// The limits of a machine that sets only its velocity, its acceleration and its nozzle; the
-    /// rest is Klipper's default.
+    /// Returns the limits of a machine that sets only its velocity, acceleration, and nozzle and
+    /// filament diameters; the others are Klipper's defaults.
     pub fn with_defaults(
         max_velocity_mm_per_s: f64,
         max_accel_mm_per_s2: f64,
         nozzle_mm: f64,
         filament_mm: f64,
     ) -> Self {
-        // A bead four nozzles in section, by the filament's.
+        // Cross-section of a bead, four times the squared nozzle diameter, over that of the
+        // filament.
         let ratio = 4.0 * nozzle_mm * nozzle_mm / (std::f64::consts::PI * (0.5 * filament_mm).powi(2));
         Self {
             max_velocity_mm_per_s,
@@ -90,10 +91,10 @@ impl KlipperSettings {
         }
     }
 
-    /// Refuses what no plan can be made with.
+    /// Checks that a plan can be made with these settings.
     ///
     /// # Errors
-    /// Names the first setting that is out of range.
+    /// The first setting that is out of range.
     pub fn check(&self) -> Result<(), SettingError> {
         positive("max_velocity", self.max_velocity_mm_per_s)?;
         positive("max_accel", self.max_accel_mm_per_s2)?;
@@ -110,10 +111,11 @@ impl KlipperSettings {
         positive("flush_times.after_stop_s", self.flush_times.after_stop_s)
     }
 
-    /// Takes a command: M204 S, or the smaller of P and T where both are given, and
+    /// Applies a command: M204 S, or the smaller of P and T if both are given, and
     /// SET_VELOCITY_LIMIT.
     ///
-    /// Source: *G-Codes*, M204 and SET_VELOCITY_LIMIT. Klipper has no M201, M203, M205 and M566.
+    /// Source: *G-Codes*, M204 and SET_VELOCITY_LIMIT. Klipper does not know M201, M203, M205 and
+    /// M566.
     pub fn change(&mut self, change: &Change<'_>) -> Effect {
         let limit = match change {
             Change::M204(words) => {
@@ -160,20 +162,21 @@ impl KlipperSettings {
 pub struct Klipper {
     settings: KlipperSettings,
     queue: Queue,
-    /// Time of moves still to gather before the next look-ahead, s.
+    /// Duration of moves still to gather before the next look-ahead, s.
     until_flush_s: f64,
     forced_flushes: u64,
 }
 
-/// Moves that the queue holds at most. Klipper has no such end; a print reaches it with moves of
-/// less than a hundredth of a millimetre on a machine that needs metres to reach its speed.
+/// Maximum number of moves in the queue. Klipper has no such limit; a print reaches it only with
+/// moves of less than a hundredth of a millimetre on a machine that needs metres to reach its
+/// speed.
 pub const MAX_QUEUED_MOVES: usize = 1 << 17;
 
 impl Klipper {
-    /// A planner at rest.
+    /// Creates a planner at rest.
     ///
     /// # Errors
-    /// Names the setting that no plan can be made with.
+    /// A setting with which no plan can be made.
     pub fn new(settings: KlipperSettings) -> Result<Self, SettingError> {
         settings.check()?;
         Ok(Self {
@@ -184,31 +187,31 @@ impl Klipper {
         })
     }
 
-    /// The limits in force.
+    /// Returns the limits in force.
     pub const fn settings(&self) -> &KlipperSettings {
         &self.settings
     }
 
-    /// Sets the limits of the moves after.
+    /// Sets the limits of later moves.
     ///
     /// # Errors
-    /// Names the setting that no plan can be made with; the limits stay.
+    /// A setting with which no plan can be made; the limits stay as they were.
     pub fn set(&mut self, settings: KlipperSettings) -> Result<(), SettingError> {
         settings.check()?;
         self.settings = settings;
         Ok(())
     }
 
-    /// Takes a command that changes limits.
+    /// Applies a command that changes limits.
     pub fn change(&mut self, change: &Change<'_>) -> Effect {
         self.settings.change(change)
     }
 
-    /// Takes a move, and appends the moves that are planned by now. A move without
-    /// length is left out.
+    /// Adds a move, and appends the moves that are now planned to `released`. A move without length
+    /// is skipped.
     ///
     /// # Errors
-    /// Refuses a displacement that is not finite and a speed that is not above 0; the queue stays.
+    /// A displacement is not finite, or the speed is not above 0; the queue stays as it was.
     pub fn push(&mut self, one: &Move, released: &mut Vec<PlannedMove>) -> Result<(), MoveError> {
         one.check()?;
         let Some(candidate) = Candidate::new(one, &self.settings) else { return Ok(()) };
@@ -227,20 +230,20 @@ impl Klipper {
         Ok(())
     }
 
-    /// Plans all moves that wait to their end at rest: for a dwell, a wait, homing, the
-    /// end of the print.
+    /// Plans all waiting moves so that motion ends at rest: for a dwell, a wait, homing, or the end
+    /// of the print.
     pub fn flush(&mut self, released: &mut Vec<PlannedMove>) {
         self.queue.release(false, released);
         self.until_flush_s = self.settings.flush_times.after_stop_s;
     }
 
-    /// Moves that wait.
+    /// Returns the number of waiting moves.
     pub fn queued(&self) -> usize {
         self.queue.len()
     }
 
-    /// Number of times that the queue reached [`MAX_QUEUED_MOVES`] and came to rest where
-    /// Klipper would not.
+    /// Returns how often the queue reached [`MAX_QUEUED_MOVES`] and motion came to rest where
+    /// Klipper's would not.
     pub const fn forced_flushes(&self) -> u64 {
         self.forced_flushes
     }

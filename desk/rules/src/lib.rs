@@ -1,15 +1,15 @@
-//! Other firmwares' planning rules: the speeds that Klipper, Marlin and RepRapFirmware give each
+//! Planning rules of other firmwares: the speeds that Klipper, Marlin and RepRapFirmware give each
 //! move of a print.
 //!
-//! A [`Planner`] takes [`Move`]s one by one, as the firmware sees them after it has read a line
-//! of G-code: displacements, the speed asked for, the settings in force. It releases
-//! [`PlannedMove`]s in the same order as soon as that firmware's look-ahead would: three speeds,
-//! three phases, and what [limits](Limit) each. Its memory is that of the firmware's queue,
-//! whatever the length of the file.
+//! A [`Planner`] takes [`Move`]s one by one, as the firmware sees them after reading a line of
+//! G-code: displacements, the requested speed, the settings in force. It releases [`PlannedMove`]s
+//! in the same order, as soon as that firmware's look-ahead would: three speeds, three phases, and
+//! the [limit](Limit) of each. Its memory use is that of the firmware's queue, however long the
+//! file is.
 //!
-//! The rules are written from the firmwares' documents and read against their sources; each module
-//! names them. Steps, rounding to them and single precision are left out: positions and speeds are
-//! f64 in mm and mm/s. This crate uses no code of the firmware.
+//! The rules are written from the firmwares' documentation and checked against their sources; each
+//! module names them. Steps, rounding to steps and single precision are left out: positions and
+//! speeds are f64 in mm and mm/s. This crate uses no code of the firmware.
 #![deny(missing_docs)]
 #![forbid(unsafe_code)]
 

@@ -3,12 +3,12 @@
 //! Sources: Marlin's documentation of M201, M203, M204, M205 and of *Configuration* (junction
 //! deviation, jerk, arcs); read against `Marlin/src/module/planner.cpp` and `planner.h`.
 //!
-//! In short: each axis (on CoreXY each motor) keeps to its largest speed and acceleration, the
+//! In short: each axis (on CoreXY, each motor) keeps to its maximum speed and acceleration; the
 //! acceleration along the path is that of prints, travels or retractions. A ring of blocks is
-//! planned anew with each line: every block ends at rest while it is the last. The block that runs
-//! keeps its end, so that a move is planned with the ring's other blocks known, less the one whose
-//! room the next line takes. The parser here is never late; a board's is, with lines of a few
-//! hundredths of a millimetre, and then slows down (SLOWDOWN) or starves.
+//! planned anew with each line: the last block always ends at rest. The running block keeps its
+//! end, so a move is planned with the ring's other blocks known, except the one whose place the
+//! next line takes. The parser here is never late; a board's is, with lines of a few hundredths of
+//! a millimetre, and then slows down (SLOWDOWN) or starves.
 
 mod corner;
 mod settings;
@@ -27,45 +27,45 @@ pub struct Marlin {
     settings: MarlinSettings,
     window: Window,
     corners: Corners,
-    /// Displacements of moves below the smallest number of steps, which the next move makes.
+    /// Displacements of moves with too few steps, which the next move includes.
     carried_mm: [f64; 4],
 }
 
 impl Marlin {
-    /// A planner at rest.
+    /// Creates a planner at rest.
     ///
     /// # Errors
-    /// Names the setting that no plan can be made with.
+    /// A setting with which no plan can be made.
     pub fn new(settings: MarlinSettings) -> Result<Self, SettingError> {
         settings.check()?;
         Ok(Self { settings, window: Window::default(), corners: Corners::default(), carried_mm: [0.0; 4] })
     }
 
-    /// The limits in force.
+    /// Returns the limits in force.
     pub const fn settings(&self) -> &MarlinSettings {
         &self.settings
     }
 
-    /// Sets the limits of the moves after.
+    /// Sets the limits of later moves.
     ///
     /// # Errors
-    /// Names the setting that no plan can be made with; the limits stay.
+    /// A setting with which no plan can be made; the limits stay as they were.
     pub fn set(&mut self, settings: MarlinSettings) -> Result<(), SettingError> {
         settings.check()?;
         self.settings = settings;
         Ok(())
     }
 
-    /// Takes a command that changes limits.
+    /// Applies a command that changes limits.
     pub fn change(&mut self, change: &Change<'_>) -> Effect {
         self.settings.change(change)
     }
 
-    /// Takes a move, and appends the moves that are planned by now. A move without length is left
-    /// out; one of fewer steps than `min_steps_per_segment` is made together with the next.
+    /// Adds a move, and appends the moves that are now planned to `released`. A move without length
+    /// is skipped; a move of fewer steps than `min_steps_per_segment` is joined to the next one.
     ///
     /// # Errors
-    /// Refuses a displacement that is not finite and a speed that is not above 0; the queue stays.
+    /// A displacement is not finite, or the speed is not above 0; the queue stays as it was.
     pub fn push(&mut self, one: &Move, released: &mut Vec<PlannedMove>) -> Result<(), MoveError> {
         one.check()?;
         let mut one = *one;
@@ -96,8 +96,8 @@ impl Marlin {
         Ok(())
     }
 
-    /// Plans all moves that wait to their end at rest: for a dwell, a wait, homing, the
-    /// end of the print.
+    /// Plans all waiting moves so that motion ends at rest: for a dwell, a wait, homing, or the end
+    /// of the print.
     pub fn flush(&mut self, released: &mut Vec<PlannedMove>) {
         while let Some(planned) = self.window.release() {
             released.push(planned);
@@ -106,17 +106,18 @@ impl Marlin {
         self.corners.rest();
     }
 
-    /// Moves that wait.
+    /// Returns the number of waiting moves.
     pub fn queued(&self) -> usize {
         self.window.len()
     }
 }
 
 impl Segment {
-    /// A move by the limits in force, before its corner; `None` for one that is too short.
+    /// Creates a segment by the limits in force, before its corner; `None` for a move that is too
+    /// short.
     fn new(one: &Move, settings: &MarlinSettings) -> Option<Self> {
         let [x, y, z, e] = one.displacement_mm;
-        // The axes whose limits hold: on CoreXY the motors.
+        // Axes whose limits apply: on CoreXY, the motors.
         let motors = if settings.is_core_xy { [x + y, x - y, z, e] } else { one.displacement_mm };
         let path_mm = one.path_mm();
         let steps = settings.steps_per_mm.map(|per_mm| {
@@ -126,7 +127,7 @@ impl Segment {
         });
         let least = f64::from(settings.min_steps_per_segment);
         let (has_path, moves_axes, is_long) = match steps {
-            // Half a step or more is one.
+            // Half a step or more rounds to one.
             Some([a, b, c, e]) => {
                 let longest = a.max(b).max(c);
                 (longest + 0.5 >= least, longest >= 0.5, longest.max(e) + 0.5 >= least)
@@ -161,7 +162,7 @@ impl Segment {
                 nominal = settings.max_feed_mm_per_s[index] / share;
                 speed_limit = Limit::AxisSpeed(axis);
             }
-            // A retraction keeps to its own acceleration alone.
+            // A retraction is limited only by its own acceleration.
             if moves_axes && settings.max_acceleration_mm_per_s2[index] < acceleration * share {
                 acceleration = settings.max_acceleration_mm_per_s2[index] / share;
                 acceleration_limit = Limit::AxisAcceleration(axis);

@@ -1,8 +1,8 @@
-//! A move before and after planning.
+//! Moves before and after planning.
 
 use std::fmt;
 
-/// An axis of a move; the filament is the fourth.
+/// Axis of a move; the filament is the fourth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Axis {
     /// X.
@@ -11,7 +11,7 @@ pub enum Axis {
     Y,
     /// Z.
     Z,
-    /// The filament.
+    /// The filament, E.
     E,
 }
 
@@ -19,7 +19,7 @@ impl Axis {
     /// All axes, in the order of displacements and settings.
     pub const ALL: [Self; 4] = [Self::X, Self::Y, Self::Z, Self::E];
 
-    /// The letter in G-code.
+    /// Returns the axis's letter in G-code.
     pub const fn letter(self) -> char {
         match self {
             Self::X => 'X',
@@ -30,43 +30,44 @@ impl Axis {
     }
 }
 
-/// Marlin's knowledge of the arc that a chord belongs to (`PlannerHints` in
+/// Marlin's hint about the arc that a chord belongs to (`PlannerHints` in
 /// `Marlin/src/module/planner.h`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ArcHint {
-    /// Radius of the arc that the corner before the chord lies on, mm; 0 before the first chord.
+    /// Radius of the arc on which the corner before the chord lies, mm; 0 before the first chord.
     pub radius_mm: f64,
-    /// Speed at which the rest of the arc can be left in time, mm/s: the chord's exit speed while
-    /// it is the last of the queue.
+    /// Speed from which motion can stop within the rest of the arc, mm/s: the chord's exit speed
+    /// while it is the last in the queue.
     pub safe_exit_mm_per_s: f64,
 }
 
-/// A straight move as a firmware's planner receives it.
+/// Straight move as a firmware's planner receives it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Move {
-    /// The caller's name for the move, such as its line; [`PlannedMove::tag`] returns it.
+    /// Identifier that the caller gives the move, such as its line; returned in
+    /// [`PlannedMove::tag`].
     pub tag: u64,
     /// Displacement of X, Y, Z and the filament, mm.
     pub displacement_mm: [f64; 4],
-    /// Speed asked for, mm/s: the F word with M220 applied.
+    /// Requested speed, mm/s: the F word with M220 applied.
     pub feed_mm_per_s: f64,
-    /// Set on chords of an arc that Marlin cuts.
+    /// Hint on chords of an arc that Marlin cuts.
     pub arc: Option<ArcHint>,
 }
 
 impl Move {
-    /// A straight move that is no chord.
+    /// Creates a straight move that is not a chord.
     pub const fn straight(tag: u64, displacement_mm: [f64; 4], feed_mm_per_s: f64) -> Self {
         Self { tag, displacement_mm, feed_mm_per_s, arc: None }
     }
 
-    /// Length of its path in X, Y and Z, mm.
+    /// Returns the length of the path in X, Y and Z, mm.
     pub fn path_mm(&self) -> f64 {
         let [x, y, z, _] = self.displacement_mm;
         (x * x + y * y + z * z).sqrt()
     }
 
-    /// Refuses what has no plan.
+    /// Checks that the move can be planned.
     pub(crate) fn check(&self) -> Result<(), MoveError> {
         if !self.displacement_mm.iter().all(|part| part.is_finite()) {
             return Err(MoveError { tag: self.tag, fault: Fault::Displacement });
@@ -84,10 +85,10 @@ enum Fault {
     Feed(f64),
 }
 
-/// A move that no plan can be made of.
+/// Error for a move that cannot be planned.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MoveError {
-    /// The move's tag.
+    /// Tag of the move.
     pub tag: u64,
     fault: Fault,
 }
@@ -103,80 +104,80 @@ impl fmt::Display for MoveError {
 
 impl std::error::Error for MoveError {}
 
-/// A limit that holds a speed down.
+/// Limit of a speed or an acceleration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Limit {
-    /// The speed that the line asks for.
+    /// Speed that the line asks for.
     AskedSpeed,
-    /// The machine's largest speed along the path (Klipper's `max_velocity`).
+    /// Machine's maximum speed along the path (Klipper's `max_velocity`).
     MachineSpeed,
-    /// The largest speed of an axis.
+    /// Maximum speed of an axis.
     AxisSpeed(Axis),
-    /// The acceleration along the path.
+    /// Acceleration along the path.
     Acceleration,
-    /// The largest acceleration of an axis.
+    /// Maximum acceleration of an axis.
     AxisAcceleration(Axis),
-    /// The corner's angle, with jerk, junction deviation or square corner velocity.
+    /// Corner's angle, by jerk, junction deviation or square corner velocity.
     Corner,
-    /// The change of the filament's speed at the corner.
+    /// Change of the filament's speed at the corner.
     FilamentCorner,
-    /// The move's length: it accelerates and brakes.
+    /// Length of the move, which only accelerates and brakes.
     ShortMove,
     /// Klipper's minimum cruise ratio.
     CruiseRatio,
-    /// Motion that begins or ends here, or a corner where the firmware always stops.
+    /// Start or end of the motion, or a corner where the firmware always stops.
     Rest,
 }
 
-/// A move with the speeds that a firmware gives it.
+/// Move with the speeds that a firmware gives it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlannedMove {
-    /// The move's tag.
+    /// Tag of the move.
     pub tag: u64,
-    /// Length along which speeds count, mm: the path, or the filament where only that moves.
+    /// Length along which speeds are measured, mm: the path, or the filament if only that moves.
     pub length_mm: f64,
-    /// Speed at its start, mm/s.
+    /// Speed at the start, mm/s.
     pub start_mm_per_s: f64,
-    /// Largest speed on the way, mm/s.
+    /// Maximum speed within the move, mm/s.
     pub cruise_mm_per_s: f64,
-    /// Speed at its end, mm/s.
+    /// Speed at the end, mm/s.
     pub end_mm_per_s: f64,
-    /// Acceleration of both ramps, mm/s^2.
+    /// Magnitude of the acceleration of both ramps, mm/s^2.
     pub acceleration_mm_per_s2: f64,
     /// Time of the first ramp, s.
     pub accelerate_s: f64,
-    /// Time at the largest speed, s.
+    /// Time at the maximum speed, s.
     pub cruise_s: f64,
     /// Time of the last ramp, s.
     pub decelerate_s: f64,
-    /// The limit of the speed at its start.
+    /// Limit of the speed at the start.
     pub start_limit: Limit,
-    /// The limit of the largest speed.
+    /// Limit of the maximum speed.
     pub cruise_limit: Limit,
-    /// The limit of the acceleration.
+    /// Limit of the acceleration.
     pub acceleration_limit: Limit,
 }
 
 impl PlannedMove {
-    /// Time of the whole move, s.
+    /// Returns the duration of the whole move, s.
     pub fn duration_s(&self) -> f64 {
         self.accelerate_s + self.cruise_s + self.decelerate_s
     }
 
-    /// Length of the three phases together, mm: that of the move.
+    /// Returns the length of the three phases together, mm, which is that of the move.
     pub fn travelled_mm(&self) -> f64 {
         0.5 * (self.start_mm_per_s + self.cruise_mm_per_s) * self.accelerate_s
             + self.cruise_mm_per_s * self.cruise_s
             + 0.5 * (self.cruise_mm_per_s + self.end_mm_per_s) * self.decelerate_s
     }
 
-    /// The limit that holds for most of the move's time.
+    /// Returns the limit that applies for most of the move's time.
     pub fn limit(&self) -> Limit {
         if self.cruise_s >= self.accelerate_s + self.decelerate_s { self.cruise_limit } else { self.acceleration_limit }
     }
 }
 
-/// The three phases of a move from squared speeds.
+/// Three phases of a move, computed from squared speeds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Phases {
     pub start: f64,
@@ -187,14 +188,14 @@ pub(crate) struct Phases {
     pub decelerate_s: f64,
 }
 
-/// Time of a ramp between two speeds over a distance, s.
+/// Returns the time of a ramp between two speeds over a distance, s.
 fn ramp_s(distance_mm: f64, one: f64, other: f64) -> f64 {
     let sum = one + other;
     if sum > 0.0 { 2.0 * distance_mm / sum } else { 0.0 }
 }
 
 impl Phases {
-    /// The phases between squared speeds, the squared cruise reached on the way.
+    /// Computes the phases between squared speeds when the squared cruise speed is reached.
     pub fn of(length_mm: f64, acceleration: f64, start2: f64, cruise2: f64, end2: f64) -> Self {
         let accelerate_mm = (cruise2 - start2) / (2.0 * acceleration);
         let decelerate_mm = (cruise2 - end2) / (2.0 * acceleration);
@@ -210,10 +211,11 @@ impl Phases {
         }
     }
 
-    /// The fastest phases below a squared speed, and whether that is reached.
+    /// Computes the fastest phases below a squared speed; the flag is true if that speed is
+    /// reached.
     ///
-    /// Ends further apart than the acceleration allows over the length keep their speeds: the one
-    /// ramp between them is steeper.
+    /// If the speeds at the ends differ by more than the acceleration allows over the length, they
+    /// are kept, and a single steeper ramp joins them.
     pub fn fastest(length_mm: f64, acceleration: f64, start2: f64, nominal2: f64, end2: f64) -> (Self, bool) {
         let peak2 = acceleration * length_mm + 0.5 * (start2 + end2);
         if peak2 >= nominal2 {

@@ -1,4 +1,4 @@
-//! One planner for all rules.
+//! Common planner for all rules.
 
 use crate::arcs::{ArcCut, ArcLimits, MarlinArcs};
 use crate::change::{Change, Effect};
@@ -9,14 +9,14 @@ use crate::rrf::Rrf;
 use std::fmt;
 use std::str::FromStr;
 
-/// The rules that a print is planned by, as a command line names them.
+/// Rules by which a print is planned, with the names used on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Rules {
-    /// Klipper, Kalico.
+    /// Klipper and Kalico.
     Klipper,
     /// Marlin with junction deviation.
     MarlinJunctionDeviation,
-    /// Marlin with classic jerk, Prusa's firmwares.
+    /// Marlin with classic jerk, and Prusa's firmwares.
     MarlinClassicJerk,
     /// RepRapFirmware.
     Rrf,
@@ -26,7 +26,7 @@ impl Rules {
     /// All rules.
     pub const ALL: [Self; 4] = [Self::Klipper, Self::MarlinJunctionDeviation, Self::MarlinClassicJerk, Self::Rrf];
 
-    /// The name.
+    /// Returns the name of the rules.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Klipper => "klipper",
@@ -36,7 +36,7 @@ impl Rules {
         }
     }
 
-    /// The firmware, for a person.
+    /// Returns the firmware's name for people.
     pub const fn firmware(self) -> &'static str {
         match self {
             Self::Klipper => "Klipper",
@@ -46,11 +46,11 @@ impl Rules {
         }
     }
 
-    /// The factor that M220 puts on the speeds after it; `None` where the firmware refuses the
-    /// value and the factor stays.
+    /// Returns the factor that M220 applies to later speeds; `None` if the firmware refuses the
+    /// value and keeps the factor.
     ///
-    /// Klipper takes all above 0. Marlin takes whole percents, cut off. RepRapFirmware
-    /// takes 1 % and more.
+    /// Klipper accepts any value above 0. Marlin truncates to whole percents. RepRapFirmware
+    /// accepts 1 % and more.
     pub fn speed_factor(self, percent: f64) -> Option<f64> {
         let percent = match self {
             Self::MarlinJunctionDeviation | Self::MarlinClassicJerk => percent.trunc(),
@@ -67,7 +67,7 @@ impl fmt::Display for Rules {
     }
 }
 
-/// A name of rules that do not exist.
+/// Error for a name of rules that do not exist.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnknownRules(String);
 
@@ -91,22 +91,22 @@ impl FromStr for Rules {
     }
 }
 
-/// A planner by one firmware's rules.
+/// Planner by one firmware's rules.
 #[derive(Clone, Debug)]
 pub enum Planner {
-    /// Klipper's.
+    /// Klipper's planner.
     Klipper(Klipper),
-    /// Marlin's, with either rule of corners.
+    /// Marlin's planner, with either rule for corners.
     Marlin(Marlin),
-    /// RepRapFirmware's.
+    /// RepRapFirmware's planner.
     Rrf(Rrf),
 }
 
 impl Planner {
-    /// Takes a move, and appends the moves that are planned by now.
+    /// Adds a move, and appends the moves that are now planned to `released`.
     ///
     /// # Errors
-    /// Refuses a displacement that is not finite and a speed that is not above 0; the queue stays.
+    /// A displacement is not finite, or the speed is not above 0; the queue stays as it was.
     pub fn push(&mut self, one: &Move, released: &mut Vec<PlannedMove>) -> Result<(), MoveError> {
         match self {
             Self::Klipper(planner) => planner.push(one, released),
@@ -115,8 +115,8 @@ impl Planner {
         }
     }
 
-    /// Plans all moves that wait to their end at rest: for a dwell, a wait, homing, the
-    /// end of the print.
+    /// Plans all waiting moves so that motion ends at rest: for a dwell, a wait, homing, or the end
+    /// of the print.
     pub fn flush(&mut self, released: &mut Vec<PlannedMove>) {
         match self {
             Self::Klipper(planner) => planner.flush(released),
@@ -125,7 +125,7 @@ impl Planner {
         }
     }
 
-    /// Takes a command that changes limits.
+    /// Applies a command that changes limits.
     pub fn change(&mut self, change: &Change<'_>) -> Effect {
         match self {
             Self::Klipper(planner) => planner.change(change),
@@ -134,7 +134,7 @@ impl Planner {
         }
     }
 
-    /// Moves that wait.
+    /// Returns the number of waiting moves.
     pub fn queued(&self) -> usize {
         match self {
             Self::Klipper(planner) => planner.queued(),
@@ -143,7 +143,8 @@ impl Planner {
         }
     }
 
-    /// The way that the firmware cuts arcs, with its defaults and the limits in force.
+    /// Returns the method by which the firmware cuts arcs, with its defaults and the limits in
+    /// force.
     pub fn arc_cut(&self) -> ArcCut {
         match self {
             Self::Klipper(_) => ArcCut::Klipper { resolution_mm: 1.0 },

@@ -1,26 +1,26 @@
-//! Retraction by the firmware: G10 and G11 as the moves that each firmware makes of them.
+//! Firmware retraction: G10 and G11 as the moves that each firmware makes of them.
 
 use crate::change::Words;
 
-/// The moves of G10 and G11. A lift of Z is a separate move, which the caller makes of
-/// [`Self::lift_mm`].
+/// Settings of the moves of G10 and G11. The lift of Z is a separate move, which the caller makes
+/// from [`Self::lift_mm`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FirmwareRetraction {
-    /// Filament drawn back, mm.
+    /// Length of filament drawn back, mm.
     pub length_mm: f64,
-    /// Filament that G11 pushes beyond it, mm; negative pushes less.
+    /// Extra length of filament that G11 feeds, mm; negative feeds less.
     pub extra_recover_mm: f64,
     /// Speed of G10, mm/s.
     pub retract_mm_per_s: f64,
     /// Speed of G11, mm/s.
     pub recover_mm_per_s: f64,
-    /// Lift of Z while the filament is drawn back, mm; Klipper has none.
+    /// Lift of Z while the filament is drawn back, mm; Klipper has no lift.
     pub lift_mm: f64,
 }
 
 impl FirmwareRetraction {
-    /// Takes RepRapFirmware's M207: S length, R extra, F and T speeds in mm/min (T as F where it is
-    /// missing), Z lift.
+    /// Applies RepRapFirmware's M207: S length, R extra, F and T speeds in mm/min (T defaults to
+    /// F), Z lift.
     ///
     /// Source: Duet's *GCode dictionary*, M207; `Tool::SetFirmwareRetraction` in
     /// `src/Tools/Tool.cpp`.
@@ -43,7 +43,7 @@ impl FirmwareRetraction {
         }
     }
 
-    /// Takes Marlin's M207: S length, F speed in mm/min, Z lift.
+    /// Applies Marlin's M207: S length, F speed in mm/min, Z lift.
     ///
     /// Source: Marlin's documentation of M207.
     pub fn set_by_marlin_m207(&mut self, words: &Words<'_>) {
@@ -58,7 +58,7 @@ impl FirmwareRetraction {
         }
     }
 
-    /// Takes Marlin's M208: S extra length, F speed in mm/min.
+    /// Applies Marlin's M208: S extra length, F speed in mm/min.
     ///
     /// Source: Marlin's documentation of M208.
     pub fn set_by_marlin_m208(&mut self, words: &Words<'_>) {
@@ -70,12 +70,12 @@ impl FirmwareRetraction {
         }
     }
 
-    /// Filament and speed of G10: mm, mm/s.
+    /// Returns the filament, mm, and the speed, mm/s, of G10.
     pub fn retract(&self) -> (f64, f64) {
         (-self.length_mm, self.retract_mm_per_s)
     }
 
-    /// Filament and speed of G11: mm, mm/s.
+    /// Returns the filament, mm, and the speed, mm/s, of G11.
     pub fn recover(&self) -> (f64, f64) {
         (self.length_mm + self.extra_recover_mm, self.recover_mm_per_s)
     }

@@ -4,12 +4,12 @@
 //! motion*; read against `src/Movement/DDA.cpp`, `DDARing.cpp` and `Kinematics/CoreKinematics.cpp`
 //! of RepRapFirmware 3.6.
 //!
-//! In short: each axis keeps to its largest speed and acceleration, and the acceleration along the
+//! In short: each axis keeps to its maximum speed and acceleration, and the acceleration along the
 //! path of a move of X or Y to that of prints or travels. At a corner the speed of no axis jumps by
 //! more than its jerk. With jerk policy 0, the default, motion stops between moves of different
 //! kinds: print, travel, filament alone, Z alone. A ring of moves is planned anew with each line;
 //! moves are fixed about a tenth of a second before they run, and lines are read while less than
-//! two seconds of motion wait.
+//! two seconds of motion are waiting.
 //!
 //! Ramps of less than ten clocks, which RepRapFirmware leaves out, are kept: they take
 //! less than 14 us.
@@ -24,17 +24,17 @@ use crate::setting::SettingError;
 use crate::window::{Block, Window};
 use std::collections::VecDeque;
 
-/// Motion that is fixed ahead, s (`UsualMinimumPreparedTime`).
+/// Duration of motion that is fixed ahead, s (`UsualMinimumPreparedTime`).
 const PREPARED_S: f64 = 0.1;
-/// Motion that is fixed ahead even where later moves could speed it up, s
+/// Duration of motion that is fixed ahead even if later moves could speed it up, s
 /// (`AbsoluteMinimumPreparedTime`).
 const PREPARED_ANYWAY_S: f64 = 0.05;
-/// Motion that waits before no more lines are read, s.
+/// Duration of waiting motion at which no more lines are read, s.
 const WAITING_S: f64 = 2.0;
-/// Motion that waits besides the first move before no more lines are read, s.
+/// Duration of waiting motion besides the first move at which no more lines are read, s.
 const WAITING_BESIDES_FIRST_S: f64 = 0.5;
 
-/// The part of a move that the corner after it needs.
+/// Data of a move that the corner after it needs.
 #[derive(Clone, Copy, Debug)]
 struct Before {
     shares: [f64; 4],
@@ -42,7 +42,7 @@ struct Before {
     kind: Kind,
 }
 
-/// The kind of a move; with jerk policy 0 only moves of one kind join.
+/// Kind of a move; with jerk policy 0 only moves of one kind join.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Kind {
     moves_xy: bool,
@@ -56,47 +56,47 @@ pub struct Rrf {
     settings: RrfSettings,
     window: Window,
     before: Option<Before>,
-    /// Times of the moves that are fixed, the one that runs first, s.
+    /// Durations of the fixed moves, s; the running one first.
     prepared_s: VecDeque<f64>,
-    /// Kept for its memory.
+    /// Buffer for [`Window::plans`], kept to reuse its allocation.
     speeds: Vec<f64>,
 }
 
 impl Rrf {
-    /// A planner at rest.
+    /// Creates a planner at rest.
     ///
     /// # Errors
-    /// Names the setting that no plan can be made with.
+    /// A setting with which no plan can be made.
     pub fn new(settings: RrfSettings) -> Result<Self, SettingError> {
         settings.check()?;
         Ok(Self { settings, window: Window::default(), before: None, prepared_s: VecDeque::new(), speeds: Vec::new() })
     }
 
-    /// The limits in force.
+    /// Returns the limits in force.
     pub const fn settings(&self) -> &RrfSettings {
         &self.settings
     }
 
-    /// Sets the limits of the moves after.
+    /// Sets the limits of later moves.
     ///
     /// # Errors
-    /// Names the setting that no plan can be made with; the limits stay.
+    /// A setting with which no plan can be made; the limits stay as they were.
     pub fn set(&mut self, settings: RrfSettings) -> Result<(), SettingError> {
         settings.check()?;
         self.settings = settings;
         Ok(())
     }
 
-    /// Takes a command that changes limits.
+    /// Applies a command that changes limits.
     pub fn change(&mut self, change: &Change<'_>) -> Effect {
         self.settings.change(change)
     }
 
-    /// Takes a move, and appends the moves that are planned by now. A move without
-    /// length is left out.
+    /// Adds a move, and appends the moves that are now planned to `released`. A move without length
+    /// is skipped.
     ///
     /// # Errors
-    /// Refuses a displacement that is not finite and a speed that is not above 0; the queue stays.
+    /// A displacement is not finite, or the speed is not above 0; the queue stays as it was.
     pub fn push(&mut self, one: &Move, released: &mut Vec<PlannedMove>) -> Result<(), MoveError> {
         one.check()?;
         let Some((mut block, entering)) = self.block(one) else { return Ok(()) };
@@ -111,8 +111,8 @@ impl Rrf {
         Ok(())
     }
 
-    /// Plans all moves that wait to their end at rest: for a dwell, a wait, homing, the
-    /// end of the print.
+    /// Plans all waiting moves so that motion ends at rest: for a dwell, a wait, homing, or the end
+    /// of the print.
     pub fn flush(&mut self, released: &mut Vec<PlannedMove>) {
         while let Some(planned) = self.window.release() {
             released.push(planned);
@@ -122,15 +122,15 @@ impl Rrf {
         self.before = None;
     }
 
-    /// Moves that wait.
+    /// Returns the number of waiting moves.
     pub fn queued(&self) -> usize {
         self.window.len()
     }
 
-    /// Returns true if the ring takes another move now.
+    /// Returns true if the ring has room for another move now.
     fn has_room(&mut self) -> bool {
         let taken = self.prepared_s.len() + self.window.len();
-        // The move before the oldest one that is not fixed must stay, for its end.
+        // The move before the oldest unfixed one must stay in the ring for its end speed.
         let free_after = self.settings.ring_length - 1;
         if taken > free_after || (taken == free_after && self.prepared_s.is_empty()) {
             return false;
@@ -144,7 +144,7 @@ impl Rrf {
         total_s < WAITING_S || total_s - first_s.unwrap_or(0.0) < WAITING_BESIDES_FIRST_S
     }
 
-    /// Brings the running move to its end, and fixes the moves that are due.
+    /// Finishes the running move, and fixes the moves that are due.
     fn run(&mut self, released: &mut Vec<PlannedMove>) {
         self.prepared_s.pop_front();
         let mut ahead_s: f64 = self.prepared_s.iter().sum();
@@ -168,7 +168,7 @@ impl Rrf {
         brakes.unwrap_or(false)
     }
 
-    /// The squared speed of a corner, and its limit.
+    /// Returns the squared speed of a corner, and its limit.
     fn corner(&self, before: &Before, entering: &Before) -> (f64, Limit) {
         if self.settings.jerk_policy == JerkPolicy::SameKind && before.kind != entering.kind {
             return (0.0, Limit::Rest);
@@ -186,7 +186,7 @@ impl Rrf {
         (speed * speed, limit)
     }
 
-    /// A move by the limits in force, before its corner; `None` without length.
+    /// Creates a block by the limits in force, before its corner; `None` for a move without length.
     fn block(&self, one: &Move) -> Option<(Block, Before)> {
         let settings = &self.settings;
         let [x, y, _, e] = one.displacement_mm;
@@ -214,13 +214,13 @@ impl Rrf {
             let index = axis as usize;
             let mut max_acceleration = settings.max_acceleration_mm_per_s2[index];
             if axis == Axis::E && moves_xy && settings.pressure_advance_s > 0.0 {
-                // Pressure advance makes the filament's speed jump where the acceleration does.
+                // With pressure advance the filament's speed jumps where the acceleration does.
                 max_acceleration = max_acceleration.min(settings.jerk_mm_per_s[index] / settings.pressure_advance_s);
             }
             keep_to(axis, shares[index].abs(), settings.max_feed_mm_per_s[index], max_acceleration);
         }
         if settings.is_core_xy {
-            // The motors; RepRapFirmware takes both displacements as positive.
+            // The limits of the motors; RepRapFirmware takes both displacements as positive.
             let [x, y, ..] = shares.map(f64::abs);
             for (axis, share) in [(Axis::X, x + y), (Axis::Y, (x - y).abs())] {
                 let index = axis as usize;

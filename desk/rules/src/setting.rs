@@ -1,8 +1,8 @@
-//! The settings that a rule refuses.
+//! Checks of settings.
 
 use std::fmt;
 
-/// A setting that no plan can be made with.
+/// Setting with which no plan can be made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SettingError {
     name: String,
@@ -11,7 +11,7 @@ pub struct SettingError {
 }
 
 impl SettingError {
-    /// The name of the setting, as its firmware has it.
+    /// Returns the setting's name, as its firmware writes it.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -43,7 +43,7 @@ pub(crate) fn positive_axes(name: &str, values: [f64; 4]) -> Result<(), SettingE
     Ok(())
 }
 
-/// The refusal of a value.
+/// Creates the error that refuses a value.
 pub(crate) fn refused(name: &str, value: f64, expected: &'static str) -> SettingError {
     SettingError { name: name.to_owned(), value, expected }
 }

@@ -1,14 +1,13 @@
-//! The look-ahead over a short queue, as Marlin and RepRapFirmware have it. Speeds are
-//! squared, (mm/s)^2.
+//! Look-ahead over a short queue, as in Marlin and RepRapFirmware. Speeds are squared, (mm/s)^2.
 //!
-//! Each move's start is no faster than its corner allows, than the moves after it can brake from,
-//! and than those before can reach. Motion ends after the last move that is known. The first move's
-//! start is fixed, since the move before it runs.
+//! Each move starts no faster than its corner allows, than the later moves can brake from, and than
+//! the earlier moves can reach. Motion ends after the last known move. The first move's start is
+//! fixed, because the move before it is running.
 
 use crate::motion::{Limit, Phases, PlannedMove};
 use std::collections::VecDeque;
 
-/// A move while its speeds are looked for.
+/// Move whose speeds are still being computed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Block {
     pub tag: u64,
@@ -18,7 +17,7 @@ pub(crate) struct Block {
     pub nominal: f64,
     /// Maximum speed at the start, by the corner.
     pub max_entry: f64,
-    /// Minimum speed at the start, whatever the moves before can reach.
+    /// Minimum speed at the start, whatever the earlier moves can reach.
     pub min_entry: f64,
     /// Speed at the end while the block is the last of the queue.
     pub last_exit: f64,
@@ -28,27 +27,28 @@ pub(crate) struct Block {
 }
 
 impl Block {
-    /// Gained at most over the length.
+    /// Returns the maximum gain of squared speed over the length.
     fn gain(&self) -> f64 {
         2.0 * self.acceleration * self.length_mm
     }
 }
 
-/// A queue of moves, the first about to run.
+/// Queue of moves, the first of which is about to run.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Window {
     blocks: VecDeque<Block>,
-    /// The first move's start, and its limit; `None` while motion rests.
+    /// Start speed of the first move, and its limit; `None` while motion is at rest.
     entry: Option<(f64, Limit)>,
 }
 
 impl Window {
-    /// Moves that wait.
+    /// Returns the number of waiting moves.
     pub fn len(&self) -> usize {
         self.blocks.len()
     }
 
-    /// Appends a move. Its start is no faster than itself and the move before may be.
+    /// Appends a move. It starts no faster than its own nominal speed and that of the previous
+    /// move.
     pub fn push(&mut self, mut block: Block) {
         let before = self.blocks.back().map_or(f64::INFINITY, |before| before.nominal);
         let most = block.nominal.min(before);
@@ -57,17 +57,17 @@ impl Window {
         self.blocks.push_back(block);
     }
 
-    /// Forgets that motion runs: the next move starts from rest.
+    /// Marks the motion as at rest: the next move starts from rest.
     pub fn rest(&mut self) {
         self.entry = None;
     }
 
-    /// Entry speed of the first move, and its limit.
+    /// Returns the entry speed of the first move, and its limit.
     fn first_entry(&self, first: &Block) -> (f64, Limit) {
         self.entry.unwrap_or((first.min_entry.min(first.nominal), Limit::Rest))
     }
 
-    /// The speed at the end of the first move, and its limit, by all moves that wait.
+    /// Returns the speed at the end of the first move, and its limit, with all waiting moves known.
     fn exit_of_first(&self) -> Option<(f64, Limit)> {
         let first = self.blocks.front()?;
         let last = self.blocks.back()?;
@@ -83,7 +83,7 @@ impl Window {
         Some(self.reached(first, self.first_entry(first).0, next))
     }
 
-    /// The speed after a move, where the next one would start at `next`.
+    /// Returns the speed after a move, if the next one would start at `next`.
     fn reached(&self, block: &Block, entry: f64, next: (f64, Limit)) -> (f64, Limit) {
         let reachable = entry + block.gain();
         if reachable < next.0 {
@@ -96,7 +96,7 @@ impl Window {
         }
     }
 
-    /// Takes out the first move with its plan, which later moves do not change any more.
+    /// Removes and returns the first move with its plan, which later moves can no longer change.
     pub fn release(&mut self) -> Option<PlannedMove> {
         let exit = self.exit_of_first()?;
         let first = self.blocks.pop_front()?;
@@ -105,10 +105,10 @@ impl Window {
         Some(planned(&first, entry, start_limit, exit.0))
     }
 
-    /// The present plans of all moves.
+    /// Passes the present plans of all moves to `each`.
     pub fn plans(&self, speeds: &mut Vec<f64>, mut each: impl FnMut(&Block, Phases)) {
         let (Some(first), Some(last)) = (self.blocks.front(), self.blocks.back()) else { return };
-        // Starts by corner and braking, the last move's first.
+        // Start speeds by corner and braking, from the last move to the first.
         speeds.clear();
         let mut next = last.last_exit.min(last.nominal);
         for block in self.blocks.range(1..).rev() {

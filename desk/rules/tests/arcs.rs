@@ -1,4 +1,4 @@
-//! Arcs as each firmware cuts them.
+//! Tests arcs as each firmware cuts them.
 
 use ferrostep_random_cases::cases;
 use ferrostep_rules::arcs::{Arc, ArcCut, ArcLimits, Chord, MarlinArcs};
@@ -14,14 +14,14 @@ const KLIPPER: ArcCut = ArcCut::Klipper { resolution_mm: 1.0 };
 
 #[test]
 fn chords_by_each_firmware() {
-    // A quarter of a circle of 10 mm: 15.708 mm.
+    // A quarter of a circle of 10 mm radius: 15.708 mm.
     for is_clockwise in [false, true] {
         let arc = quarter(10.0, is_clockwise);
         assert!((arc.sweep().abs() - TAU / 4.0).abs() < 1e-12);
         assert_eq!(arc.chords(&KLIPPER, 50.0).len(), 15);
-        // 72 in a circle are 18 here, of 0.87 mm.
+        // 72 chords in a circle are 18 in this quarter, 0.87 mm long.
         assert_eq!(arc.chords(&ArcCut::Marlin(MarlinArcs::default()), 50.0).len(), 18);
-        // 0.25 mm long by 200 a second at 50 mm/s; 0.63 mm by the deviation at 300 mm/s.
+        // 0.25 mm long by 200 chords per second at 50 mm/s; 0.63 mm by the deviation at 300 mm/s.
         assert_eq!(arc.chords(&ArcCut::Rrf, 50.0).len(), 63);
         assert_eq!(arc.chords(&ArcCut::Rrf, 300.0).len(), 25);
     }
@@ -47,7 +47,7 @@ fn marlin_s_hints_end_at_rest() {
     let cut = ArcCut::Marlin(MarlinArcs { hints: Some(limits), ..MarlinArcs::default() });
     let hints: Vec<_> = quarter(10.0, false).chords(&cut, 150.0).map(|chord| chord.hint.unwrap()).collect();
     assert_eq!((hints[0].radius_mm, hints[1].radius_mm), (0.0, 10.0));
-    // a r, then what braking over the rest allows.
+    // First by a r, then by braking over the rest of the arc.
     assert!((hints[0].safe_exit_mm_per_s - 100.0).abs() < 1e-9);
     assert_eq!(hints[17].safe_exit_mm_per_s, 0.0);
     assert!(hints.windows(2).all(|pair| pair[1].safe_exit_mm_per_s <= pair[0].safe_exit_mm_per_s));

@@ -1,4 +1,4 @@
-//! Commands that change limits, by each firmware.
+//! Tests commands that change limits, for each firmware.
 
 use ferrostep_rules::klipper::KlipperSettings;
 use ferrostep_rules::marlin::{Corner, JerkRule, MarlinSettings};
@@ -35,8 +35,8 @@ fn klipper_takes_set_velocity_limit() {
     assert_eq!(settings.change(&Change::VelocityLimit(VelocityLimit::default())), Effect::Unchanged);
 }
 
-/// By *G-Codes* of Klipper 0.12: the ratio is what `ACCEL_TO_DECEL` lacks of the acceleration, and
-/// `MINIMUM_CRUISE_RATIO` goes before it.
+/// As in *G-Codes* of Klipper 0.12: the ratio is 1 minus `ACCEL_TO_DECEL` over the acceleration,
+/// and `MINIMUM_CRUISE_RATIO` takes precedence.
 #[test]
 fn klipper_takes_accel_to_decel_for_a_ratio() {
     let mut settings = KlipperSettings::with_defaults(300.0, 3000.0, 0.4, 1.75);

@@ -1,4 +1,4 @@
-//! Klipper's rules against an oracle from its documents, and figures of them.
+//! Tests Klipper's rules against an oracle from its documentation, and against figures in it.
 
 use crate::two_pass::{self, Limited};
 use crate::{assert_same, plan, print};
@@ -65,7 +65,7 @@ fn limits_have_their_names() {
     assert_eq!(ours[1].acceleration_limit, Limit::AxisAcceleration(Axis::Z));
 }
 
-/// The documents' rules without a minimum cruise ratio.
+/// Computes limits by the documented rules, without a minimum cruise ratio.
 fn oracle(moves: &[Move], settings: &KlipperSettings) -> Vec<Limited> {
     let mut all: Vec<Limited> = Vec::new();
     for (index, one) in moves.iter().enumerate() {

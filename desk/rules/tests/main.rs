@@ -1,4 +1,4 @@
-//! The rules against oracles written apart from them, and what must hold of every plan.
+//! Tests the rules against independently written oracles, and properties of every plan.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod arcs;
@@ -12,7 +12,7 @@ mod two_pass;
 use ferrostep_rules::{Move, PlannedMove, Planner};
 use proptest::prelude::*;
 
-/// The plan of moves, motion ending after those in `stops`.
+/// Plans moves; motion ends after those in `stops`.
 fn plan(planner: &mut Planner, moves: &[Move], stops: &[usize]) -> Vec<PlannedMove> {
     let mut released = Vec::new();
     for (index, one) in moves.iter().enumerate() {
@@ -25,7 +25,7 @@ fn plan(planner: &mut Planner, moves: &[Move], stops: &[usize]) -> Vec<PlannedMo
     released
 }
 
-/// A move of a print: short and long lines, travels, retractions, lifts, wipes.
+/// Generates a move of a print: short and long lines, travels, retractions, lifts, wipes.
 fn displacement() -> impl Strategy<Value = [f64; 4]> {
     let line = (-2.5f64..2.0, 0.0f64..std::f64::consts::TAU, 0usize..4);
     let in_plane = line.prop_map(|(size, angle, kind)| {
@@ -40,7 +40,8 @@ fn displacement() -> impl Strategy<Value = [f64; 4]> {
     ]
 }
 
-/// A print: moves with their speeds; many continue in nearly the direction of the one before.
+/// Generates a print: moves with their speeds, many of which continue in nearly the direction of
+/// the previous one.
 fn print(most: usize) -> impl Strategy<Value = Vec<Move>> {
     let speed = prop_oneof![Just(20.0), Just(45.0), Just(80.0), Just(150.0), 1.0f64..400.0];
     proptest::collection::vec((displacement(), speed, any::<bool>(), -0.3f64..0.3), 1..most).prop_map(|lines| {
@@ -60,7 +61,7 @@ fn print(most: usize) -> impl Strategy<Value = Vec<Move>> {
     })
 }
 
-/// Returns true if speeds and times are the same within a millionth.
+/// Asserts that speeds and times agree to within a millionth.
 fn assert_same(ours: &[PlannedMove], other: &[two_pass::Speeds]) {
     assert_eq!(ours.len(), other.len());
     for (one, other) in ours.iter().zip(other) {

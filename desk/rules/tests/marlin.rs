@@ -1,4 +1,4 @@
-//! Marlin's rules against an oracle from their definitions.
+//! Tests Marlin's rules against an oracle from their definitions.
 
 use crate::two_pass::{self, Limited};
 use crate::{assert_same, plan, print};
@@ -25,7 +25,7 @@ fn jerk(rule: JerkRule) -> Corner {
     Corner::ClassicJerk { jerk_mm_per_s: [8.0, 9.0, 0.4, 5.0], rule }
 }
 
-/// Displacement of the limited axes.
+/// Returns the displacements of the limited axes: on CoreXY, the motors.
 fn motors(one: &Move, settings: &MarlinSettings) -> [f64; 4] {
     let [x, y, z, e] = one.displacement_mm;
     if settings.is_core_xy { [x + y, x - y, z, e] } else { [x, y, z, e] }
@@ -35,7 +35,7 @@ fn norm(vector: &[f64]) -> f64 {
     vector.iter().map(|part| part * part).sum::<f64>().sqrt()
 }
 
-/// A move without its corner: Marlin's documentation of M201, M203 and M204.
+/// Computes a move's limits without its corner, by Marlin's documentation of M201, M203 and M204.
 fn limited(one: &Move, settings: &MarlinSettings) -> Limited {
     let path = norm(&one.displacement_mm[..3]);
     let filament = one.displacement_mm[3];
@@ -58,7 +58,7 @@ fn limited(one: &Move, settings: &MarlinSettings) -> Limited {
     Limited { length, nominal: length / duration, acceleration, corner: 0.0, slowest }
 }
 
-/// The speed of a corner by junction deviation: the arc whose middle is the deviation away
+/// Computes the speed of a corner by junction deviation: the arc whose middle is the deviation away
 /// from the corner.
 fn by_deviation(before: &Move, one: &Move, ours: &Limited, nominal: f64, settings: &MarlinSettings) -> f64 {
     let Corner::JunctionDeviation { deviation_mm, .. } = settings.corner else { panic!("no deviation") };
@@ -85,8 +85,8 @@ fn by_deviation(before: &Move, one: &Move, ours: &Limited, nominal: f64, setting
     let half = (0.5 * (1.0 + cosine)).sqrt();
     let mut speed = (acceleration * deviation_mm * half / (1.0 - half)).sqrt();
     if ours.length < 1.0 && cosine > 0.5f64.sqrt() {
-        // The arc of such chords: the angle by a polynomial of Marlin's, within 0.033
-        // of the true one.
+        // The arc that such chords stand for: its angle by Marlin's polynomial, within 0.033 of the
+        // true one.
         let powers = |t: f64| {
             0.032843707 - 1.451838349 * t + 29.66153956 * t.powi(2) - 131.1123477 * t.powi(3) + 262.8130562 * t.powi(4)
                 - 242.7199627 * t.powi(5)
@@ -99,7 +99,7 @@ fn by_deviation(before: &Move, one: &Move, ours: &Limited, nominal: f64, setting
     speed.max(ours.slowest).min(nominal)
 }
 
-/// The speed of a corner by classic jerk, as released.
+/// Computes the speed of a corner by classic jerk, as in the released versions.
 fn by_safe_speed(before: &Move, one: &Move, ours: [&Limited; 2], jerk: [f64; 4], settings: &MarlinSettings) -> f64 {
     let velocity =
         |one: &Move, limited: &Limited| motors(one, settings).map(|part| part / limited.length * limited.nominal);
@@ -112,7 +112,7 @@ fn by_safe_speed(before: &Move, one: &Move, ours: [&Limited; 2], jerk: [f64; 4],
     let leaving = velocity(before, ours[0]).map(|speed| speed * corner / ours[0].nominal);
     for ((leaving, entering), jerk) in leaving.into_iter().zip(velocity(one, ours[1])).zip(jerk) {
         let (leaving, entering) = (leaving * factor, entering * factor);
-        // An axis that turns back counts with its larger speed.
+        // An axis that reverses counts with its larger speed.
         let jump =
             if leaving * entering > 0.0 { (leaving - entering).abs() } else { leaving.abs().max(entering.abs()) };
         if jump > jerk {
@@ -180,7 +180,7 @@ proptest! {
     }
 }
 
-/// A square of 10 mm: its corners turn by 90 degrees.
+/// Returns a square of 10 mm, whose corners turn by 90 degrees.
 fn square(feed: f64) -> Vec<Move> {
     [[10.0, 0.0], [0.0, 10.0], [-10.0, 0.0], [0.0, -10.0]]
         .into_iter()
@@ -233,7 +233,7 @@ fn moves_of_less_than_six_steps_join_the_next() {
     assert!((ours.iter().map(|one| one.length_mm).sum::<f64>() - 5.0).abs() < 1e-9);
 }
 
-/// Three circles of 10 mm as chords.
+/// Returns three circles of 10 mm radius as chords.
 fn circles(planner: &Planner) -> Vec<Move> {
     let circle = Arc { displacement_mm: [0.0, 0.0, 0.0, 1.0], centre_mm: [10.0, 0.0], is_clockwise: true };
     let chords = (0..3).flat_map(|_| circle.chords(&planner.arc_cut(), 250.0));
@@ -251,7 +251,7 @@ fn an_arc_is_as_fast_as_its_radius_allows() {
     let mut planner = Planner::Marlin(Marlin::new(MarlinSettings::example(DEVIATION)).unwrap());
     let arcs = circles(&planner);
     let ours = plan(&mut planner, &arcs, &[]);
-    // Each chord but a circle's first enters with at most the square root of a r.
+    // Each chord except a circle's first enters with at most the square root of a r.
     let chords = ours.iter().zip(&arcs).filter(|(_, one)| one.arc.is_some_and(|arc| arc.radius_mm > 0.0));
     let most = chords.map(|(one, _)| one.start_mm_per_s).fold(0.0, f64::max);
     let by_radius = (3000.0f64 * 10.0).sqrt();

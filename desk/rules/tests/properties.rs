@@ -1,4 +1,4 @@
-//! Properties of every plan by any rules.
+//! Tests properties of every plan, by any rules.
 
 use crate::{plan, print};
 use ferrostep_random_cases::cases;
@@ -8,7 +8,7 @@ use ferrostep_rules::rrf::{Rrf, RrfSettings};
 use ferrostep_rules::{Limit, Move, PlannedMove, Planner, Rules};
 use proptest::prelude::*;
 
-/// Each planner at rest, with all of its machines here.
+/// Returns a planner at rest for each of the rules and machines tested.
 fn planners() -> Vec<(&'static str, Planner)> {
     let deviation = Corner::JunctionDeviation { deviation_mm: 0.05, handles_small_segments: true };
     let jerk = |rule| Corner::ClassicJerk { jerk_mm_per_s: [8.0, 8.0, 2.0, 10.0], rule };
@@ -108,7 +108,7 @@ fn klipper_s_queue_has_an_end() {
     let settings = KlipperSettings::with_defaults(1e6, 1.0, 0.4, 1.75);
     let mut planner = Klipper::new(settings).unwrap();
     let mut released = Vec::new();
-    // Half a kilometre of acceleration in millimetres.
+    // Moves of a micrometre, with a speed that would take thousands of kilometres to reach.
     let count = MAX_QUEUED_MOVES as u64 + 10;
     for tag in 0..count {
         planner.push(&Move::straight(tag, [1e-3, 0.0, 0.0, 0.0], 1e5), &mut released).unwrap();

@@ -1,4 +1,4 @@
-//! RepRapFirmware's rules against an oracle from their definitions.
+//! Tests RepRapFirmware's rules against an oracle from their definitions.
 
 use crate::two_pass::{self, Limited};
 use crate::{assert_same, plan, print};
@@ -18,7 +18,8 @@ fn settings() -> RrfSettings {
     }
 }
 
-/// A move without its corner: the *GCode dictionary* on M201, M203, M204, M572.
+/// Computes a move's limits without its corner, by the *GCode dictionary* on M201, M203, M204,
+/// M572.
 fn limited(one: &Move, settings: &RrfSettings) -> Limited {
     let [x, y, z, e] = one.displacement_mm;
     let path = (x * x + y * y + z * z).sqrt();
@@ -90,7 +91,7 @@ proptest! {
             pressure_advance_s: advance,
             ..settings()
         };
-        // Less than half a second waits, so that all of it is read before anything is fixed.
+        // Less than half a second is waiting, so all of it is read before anything is fixed.
         let oracle = oracle(&moves, &settings);
         let all = two_pass::plan(&oracle, usize::MAX);
         let mut ring = Planner::Rrf(Rrf::new(RrfSettings { ring_length: 100, ..settings }).unwrap());
@@ -100,7 +101,7 @@ proptest! {
         if total < 2.0 {
             assert_same(&ours, &all);
         } else {
-            // Half a second ahead is nearly everything that braking needs.
+            // A look-ahead of half a second is nearly enough for all braking.
             prop_assert!(total_ours >= total * (1.0 - 1e-9), "{total_ours} s, {total} s");
             prop_assert!(total_ours < 1.02 * total, "{total_ours} s, {total} s");
         }

@@ -1,7 +1,7 @@
-//! Speeds from their definition: the fastest ones that corners, braking and accelerating allow.
-//! Nothing is kept from one move to the next; a plan with fewer moves known is made anew.
+//! Computes speeds from their definition: the fastest that corners, braking and accelerating allow.
+//! Keeps no state from one move to the next; a plan with fewer moves known is made anew.
 
-/// A move whose limits are known.
+/// Move with known limits.
 #[derive(Clone, Copy, Debug)]
 pub struct Limited {
     pub length: f64,
@@ -9,11 +9,11 @@ pub struct Limited {
     pub acceleration: f64,
     /// Maximum speed at the start.
     pub corner: f64,
-    /// Speed at a start from rest, and at an end to rest.
+    /// Speed at a start from rest and at an end at rest.
     pub slowest: f64,
 }
 
-/// A move's speeds and its time.
+/// Speeds and duration of a move.
 #[derive(Clone, Copy, Debug)]
 pub struct Speeds {
     pub start: f64,
@@ -22,12 +22,12 @@ pub struct Speeds {
     pub duration_s: f64,
 }
 
-/// The speed after a distance.
+/// Returns the speed after accelerating over a distance.
 fn after(speed: f64, acceleration: f64, distance: f64) -> f64 {
     (speed * speed + 2.0 * acceleration * distance).sqrt()
 }
 
-/// The speeds at the starts of moves, the first one's given, and at the end of the last.
+/// Returns the speeds at the starts of moves, given that of the first, and at the end of the last.
 fn starts(moves: &[Limited], first: f64) -> Vec<f64> {
     let last = moves.last().unwrap();
     let mut starts: Vec<f64> = moves.iter().map(|one| one.corner.min(one.nominal)).collect();
@@ -42,7 +42,8 @@ fn starts(moves: &[Limited], first: f64) -> Vec<f64> {
     starts
 }
 
-/// The law between two speeds, found by halving: the largest speed whose ramps fit into the length.
+/// Finds the law between two speeds by bisection: the maximum speed whose ramps fit into the
+/// length.
 pub fn law(one: &Limited, start: f64, end: f64) -> Speeds {
     let needed = |cruise: f64| (2.0 * cruise * cruise - start * start - end * end) / (2.0 * one.acceleration);
     let (mut low, mut high) = (start.max(end), one.nominal.max(start).max(end));
@@ -58,7 +59,7 @@ pub fn law(one: &Limited, start: f64, end: f64) -> Speeds {
     Speeds { start, cruise: low, end, duration_s: ramps + rest }
 }
 
-/// The plan of moves between two rests, each made with `known` moves known, itself included.
+/// Plans moves between two rests, each with `known` moves known, including itself.
 pub fn plan(moves: &[Limited], known: usize) -> Vec<Speeds> {
     let mut start = moves.first().map_or(0.0, |first| first.slowest.min(first.nominal));
     let mut speeds = Vec::new();

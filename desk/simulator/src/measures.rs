@@ -90,7 +90,7 @@ pub struct ExtruderReport {
     pub max_printing_acceleration_mm_per_s2: f64,
 }
 
-/// All measures of a job.
+/// Measures of a job.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
     /// Duration of the motion, s.

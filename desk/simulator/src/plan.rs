@@ -23,11 +23,11 @@ const MARGIN_S: f64 = 0.3;
 /// Speeds of a move along its path, or along the filament if only that moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MoveSpeeds {
-    /// Speed at its start, mm/s.
+    /// Speed at the start, mm/s.
     pub entry_mm_per_s: f64,
     /// Cruise speed, mm/s.
     pub cruise_mm_per_s: f64,
-    /// Speed at its end, mm/s.
+    /// Speed at the end, mm/s.
     pub exit_mm_per_s: f64,
     /// Magnitude of the acceleration of both ramps, mm/s^2.
     pub acceleration_mm_per_s2: f64,
@@ -47,7 +47,7 @@ impl From<Trapezoid> for MoveSpeeds {
 /// Geometry of a move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MoveShape {
-    /// Travel of X, Y, Z, mm.
+    /// Displacement of X, Y, Z, mm.
     pub axes_mm: [f64; 3],
     /// Filament fed, mm; negative when it is retracted.
     pub filament_mm: f64,
@@ -162,7 +162,7 @@ pub struct ExecutedMove {
     pub start_mm: [f64; 4],
     /// Geometry of the move.
     pub shape: MoveShape,
-    /// Speed at its start, mm/s.
+    /// Speed at the start, mm/s.
     pub entry_mm_per_s: f64,
     /// Duration, s, and acceleration, mm/s^2, of each phase; phases without duration are skipped.
     pub phases: [(f64, f64); 3],

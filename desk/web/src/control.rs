@@ -34,18 +34,18 @@ pub enum Axis {
 pub enum Control {
     /// Homes all axes.
     Home {},
-    /// Moves an axis from its present position.
+    /// Moves an axis relative to its current position.
     Jog {
         /// The axis.
         axis: Axis,
         /// Distance, mm.
         mm: f64,
     },
-    /// Sets the targets of nozzle and bed; 0 is off.
+    /// Sets the target temperatures of nozzle and bed, °C; 0 means off.
     Heat {
-        /// Target of the nozzle.
+        /// Target of the nozzle, °C.
         nozzle_celsius: u16,
-        /// Target of the bed.
+        /// Target of the bed, °C.
         bed_celsius: u16,
     },
     /// Sets the part cooling fan.
@@ -55,7 +55,7 @@ pub enum Control {
     },
     /// Raises or lowers the nozzle relative to the path, until the next homing.
     Offset {
-        /// Change, mm; up is positive.
+        /// Change of the height, mm; up is positive.
         mm: f64,
     },
     /// Feeds filament or draws it back.

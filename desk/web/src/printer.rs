@@ -130,7 +130,7 @@ pub trait Printer: Send + Sync + 'static {
     /// Checks, before a file arrives, that it would be accepted now.
     ///
     /// # Errors
-    /// A file is being printed.
+    /// A file is already being printed.
     fn may_upload(&self) -> Result<(), Refusal>;
 
     /// Takes a file as the next job, replacing the previous one.

@@ -9,11 +9,11 @@ const NO_PATH_MM: f64 = 1e-9;
 /// Acceleration of a move of filament alone, before the extruder's own limit, mm/s^2.
 const FILAMENT_ACCELERATION: f64 = 99_999_999.9;
 
-/// A move while its speeds are looked for.
+/// Move whose speeds are still being computed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
     tag: u64,
-    /// Displacements of X, Y, Z and the filament for a unit of length.
+    /// Displacements of X, Y, Z and the filament per unit of length.
     shares: [f64; 4],
     length_mm: f64,
     has_path: bool,
@@ -21,9 +21,9 @@ pub(super) struct Candidate {
     junction_deviation_mm: f64,
     max_cruise: f64,
     least_s: f64,
-    /// Gained at most over the length.
+    /// Maximum gain of squared speed over the length.
     gain: f64,
-    /// Gained with the acceleration of the second look-ahead.
+    /// Maximum gain of squared speed with the acceleration of the second look-ahead.
     slow_gain: f64,
     max_start: f64,
     max_slow_start: f64,
@@ -33,7 +33,7 @@ pub(super) struct Candidate {
 }
 
 impl Candidate {
-    /// A move by the limits in force; `None` without length.
+    /// Creates a candidate by the limits in force; `None` for a move without length.
     pub fn new(one: &Move, settings: &KlipperSettings) -> Option<Self> {
         let [x, y, z, e] = one.displacement_mm;
         let path_mm = (x * x + y * y + z * z).sqrt();
@@ -74,8 +74,8 @@ impl Candidate {
             let ratio = length_mm / z.abs();
             candidate.lower(Axis::Z, settings.max_z_velocity_mm_per_s * ratio, settings.max_z_accel_mm_per_s2 * ratio);
         }
-        // What retracts, and what moves filament without X and Y, keeps to the
-        // extruder's own limits.
+        // Retractions, and moves of filament without X and Y, also keep to the extruder's own
+        // limits.
         if e != 0.0 && ((x == 0.0 && y == 0.0) || e < 0.0) {
             let ratio = 1.0 / candidate.shares[3].abs();
             let (speed, acceleration) =
@@ -85,12 +85,12 @@ impl Candidate {
         Some(candidate)
     }
 
-    /// The time at its full speed, s.
+    /// Returns the time of the move at its full speed, s.
     pub fn least_s(&self) -> f64 {
         self.least_s
     }
 
-    /// Keeps to the speed and the acceleration that an axis allows along the path.
+    /// Lowers speed and acceleration to those that an axis allows along the path.
     fn lower(&mut self, axis: Axis, speed: f64, acceleration: f64) {
         if speed * speed < self.max_cruise {
             self.max_cruise = speed * speed;
@@ -105,8 +105,8 @@ impl Candidate {
         self.slow_gain = self.slow_gain.min(self.gain);
     }
 
-    /// Sets how fast it may begin after another, by the corner, by both moves, and by how fast the
-    /// other one can become.
+    /// Sets the maximum start speed after another move, by the corner, by both moves' limits, and
+    /// by the speed that the other move can reach.
     fn join(&mut self, before: &Self, filament_jump_mm_per_s: f64) {
         if !self.has_path || !before.has_path {
             return;
@@ -128,7 +128,8 @@ impl Candidate {
         let [x, y, z, _] = self.shares;
         let [x_before, y_before, z_before, _] = before.shares;
         let cosine = -(x * x_before + y * y_before + z * z_before);
-        // Half the angle between the way back and the way on: straight on is 90 degrees.
+        // Half the angle between the reversed previous direction and the new one: 90 degrees when
+        // going straight on.
         let half_sine = (0.5 * (1.0 - cosine)).max(0.0).sqrt();
         let half_cosine = (0.5 * (1.0 + cosine)).max(0.0).sqrt();
         let rest_of_sine = 1.0 - half_sine;
@@ -146,7 +147,7 @@ impl Candidate {
     }
 }
 
-/// The look-ahead's result for a move.
+/// Result of the look-ahead for a move.
 #[derive(Clone, Copy, Debug)]
 struct Found {
     start: f64,
@@ -157,21 +158,22 @@ struct Found {
     brakes: bool,
 }
 
-/// Moves that wait.
+/// Queue of waiting moves.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Queue {
     moves: VecDeque<Candidate>,
-    /// Kept between look-aheads for its memory; the last move first.
+    /// Results of the look-ahead, last move first; kept between look-aheads to reuse the
+    /// allocation.
     found: Vec<Found>,
 }
 
 impl Queue {
-    /// Moves that wait.
+    /// Returns the number of waiting moves.
     pub fn len(&self) -> usize {
         self.moves.len()
     }
 
-    /// Appends a move, and returns whether another one waits before it.
+    /// Appends a move; returns true if another one waits before it.
     pub fn push(&mut self, mut candidate: Candidate, filament_jump_mm_per_s: f64) -> bool {
         let before = self.moves.back();
         if let Some(before) = before {
@@ -182,9 +184,9 @@ impl Queue {
         is_later
     }
 
-    /// Looks ahead, as if motion ended after the last move, and releases the moves: all of them, or
-    /// those that are planned whatever follows. These end before the last but one peak of the
-    /// second look-ahead.
+    /// Looks ahead as if motion ended after the last move, and releases moves: all of them, or, if
+    /// `lazily` is true, only those whose plan no later move can change. These end before the last
+    /// but one peak of the second look-ahead.
     pub fn release(&mut self, lazily: bool, released: &mut Vec<PlannedMove>) {
         let mut count = self.moves.len();
         let mut is_looking = lazily;

@@ -1,39 +1,39 @@
-//! Marlin's corners. Speeds are in mm/s, the results squared.
+//! Corner speeds by Marlin's rules. Speeds are in mm/s, results in (mm/s)^2.
 
 use super::settings::{Corner, JerkRule, MarlinSettings};
 use crate::motion::{Axis, Limit};
 
-/// A move before its corner.
+/// Move whose corner has not been computed yet.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Segment {
     pub length_mm: f64,
-    /// Displacement of each axis (on CoreXY of each motor) for a unit of length.
+    /// Displacement of each axis (on CoreXY, of each motor) per unit of length.
     pub shares: [f64; 4],
-    /// True if its direction is a unit vector with the filament counted in.
+    /// True if the direction is normalised with the filament included.
     pub is_printing_or_core: bool,
     pub nominal: f64,
     pub acceleration: f64,
-    /// Squared speed below which it is not planned.
+    /// Squared speed below which the move is not planned.
     pub slowest: f64,
-    /// Radius of the arc that its corner lies on, mm; 0 on none.
+    /// Radius of the arc on which the corner lies, mm; 0 if on none.
     pub arc_radius_mm: f64,
     pub speed_limit: Limit,
     pub acceleration_limit: Limit,
 }
 
 impl Segment {
-    /// The direction that junction deviation compares.
+    /// Returns the direction that junction deviation compares.
     fn direction(&self) -> [f64; 4] {
         if self.is_printing_or_core { unit(self.shares) } else { self.shares }
     }
 
-    /// Speed of each axis at the move's own.
+    /// Returns the speed of each axis at the move's nominal speed.
     fn speeds(&self) -> [f64; 4] {
         self.shares.map(|share| share * self.nominal)
     }
 }
 
-/// The part of a move that the corner after it needs.
+/// Data of a move that the corner after it needs.
 #[derive(Clone, Copy, Debug)]
 struct Before {
     direction: [f64; 4],
@@ -42,7 +42,7 @@ struct Before {
     safe: f64,
 }
 
-/// The corners of a stream of moves.
+/// State of the corners in a stream of moves.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Corners {
     before: Option<Before>,
@@ -54,12 +54,13 @@ fn unit(vector: [f64; 4]) -> [f64; 4] {
 }
 
 impl Corners {
-    /// Forgets the move before: motion rests.
+    /// Forgets the previous move: motion comes to rest.
     pub fn rest(&mut self) {
         self.before = None;
     }
 
-    /// Squared speed that a move may begin with after the one before, and its limit.
+    /// Returns the maximum squared speed at which a move may begin after the previous one, and its
+    /// limit.
     pub fn enter(&mut self, segment: &Segment, settings: &MarlinSettings) -> (f64, Limit) {
         let jerk = match settings.corner {
             Corner::ClassicJerk { jerk_mm_per_s, .. } => Some(jerk_mm_per_s),
@@ -83,20 +84,21 @@ impl Corners {
     }
 }
 
-/// The corner's squared speed, or that of the slower of its moves.
+/// Limits the corner's squared speed to that of the slower of its moves.
 fn at_most_nominal(corner: (f64, Limit), segment: &Segment, before: &Before) -> (f64, Limit) {
     let nominal = segment.nominal.min(before.nominal);
     if corner.0 < nominal * nominal { corner } else { (nominal * nominal, segment.speed_limit) }
 }
 
-/// Above this cosine of the corner's angle the way back is the way on.
+/// Cosine of the corner's angle above which the motion reverses.
 const REVERSAL: f64 = 0.999_999;
-/// Chords shorter than this may stand for an arc, mm.
+/// Maximum length of chords that may stand for an arc, mm.
 const SMALL_MM: f64 = 1.0;
-/// The cosine of 135 degrees: an octagon's corner.
+/// Cosine of 135 degrees, the corner of an octagon.
 const OCTAGON: f64 = -std::f64::consts::FRAC_1_SQRT_2;
 
-/// The corner by junction deviation, after the circle that touches both moves.
+/// Returns the corner's squared speed by junction deviation, from the circle that touches both
+/// moves.
 fn by_deviation(
     segment: &Segment,
     before: &Before,
@@ -124,9 +126,9 @@ fn by_deviation(
     at_most_nominal((speed, Limit::Corner), segment, before)
 }
 
-/// The acceleration along a direction that no axis exceeds its own by.
+/// Returns the acceleration along a direction at which no axis exceeds its own maximum.
 fn along(acceleration: f64, direction: [f64; 4], settings: &MarlinSettings) -> f64 {
-    // Straight on, there is no direction of the turn.
+    // When going straight on, the turn has no direction.
     if direction.iter().any(|part| !part.is_finite()) {
         return acceleration;
     }
@@ -134,18 +136,18 @@ fn along(acceleration: f64, direction: [f64; 4], settings: &MarlinSettings) -> f
     axes.fold(acceleration, |least, (part, max)| if least * part.abs() > max { max / part.abs() } else { least })
 }
 
-/// The angle between two chords, from its cosine (0.707 to 1), with the error that Marlin's has: it
-/// is never below 0.033, which bounds the speed on fine arcs.
+/// Returns the angle between two chords from its cosine (0.707 to 1), with the error of Marlin's
+/// formula: it is never below 0.033, which bounds the speed on fine arcs.
 ///
-/// Marlin takes W. Randolph Franklin's polynomial for the arcsine (wrfranklin.org, *Elementary
-/// functions*): its coefficients.
+/// Marlin uses W. Randolph Franklin's polynomial for the arcsine (wrfranklin.org, *Elementary
+/// functions*); these are its coefficients.
 fn turn_angle(cosine: f64) -> f64 {
     const ARCSINE: [f64; 7] =
         [0.032_843_707, -1.451_838_349, 29.661_539_56, -131.112_347_7, 262.813_056_2, -242.719_962_7, 84.314_662_02];
     std::f64::consts::FRAC_PI_2 - ARCSINE.iter().rev().fold(0.0, |sum, factor| sum * cosine + factor)
 }
 
-/// The speed from which each axis may stop at once.
+/// Returns the speed from which each axis may stop at once.
 fn safe_speed(segment: &Segment, jerk: &[f64; 4]) -> f64 {
     let axes = segment.shares.iter().zip(jerk);
     axes.fold(
@@ -154,18 +156,18 @@ fn safe_speed(segment: &Segment, jerk: &[f64; 4]) -> f64 {
     )
 }
 
-/// The limit of a jump of an axis's speed.
+/// Returns the limit that a jump of an axis's speed reports.
 fn jump_of(axis: Axis) -> Limit {
     if axis == Axis::E { Limit::FilamentCorner } else { Limit::Corner }
 }
 
-/// Classic jerk of Marlin 1.1 to 2.1.2.
+/// Returns the corner's squared speed by the classic jerk of Marlin 1.1 to 2.1.2.
 fn by_safe_speed(segment: &Segment, before: &Before, jerk: &[f64; 4], safe: f64) -> (f64, Limit) {
     let nominal = segment.nominal.min(before.nominal);
     let exit_scale = nominal / before.nominal;
     let (mut factor, mut limit) = (1.0, None);
-    // A speed is lowered axis by axis: what one axis takes counts for the next. The entering speed
-    // is the move's own, which may be above the corner's.
+    // The speed is lowered axis by axis: a reduction for one axis counts for the next. The entry
+    // speed is the move's own, which may be above the corner's.
     for (axis, jerk) in Axis::ALL.into_iter().zip(jerk) {
         let exit = before.speeds[axis as usize] * exit_scale * factor;
         let entry = segment.shares[axis as usize] * segment.nominal * factor;
@@ -185,7 +187,8 @@ fn by_safe_speed(segment: &Segment, before: &Before, jerk: &[f64; 4], safe: f64)
     (speed * speed, limit.unwrap_or(segment.speed_limit))
 }
 
-/// Classic jerk of Marlin's bugfix branch of 2026: speeds at the corner differ by no axis's jerk.
+/// Returns the corner's squared speed by the classic jerk of Marlin's bugfix branch of 2026: the
+/// speeds of an axis before and after the corner differ by at most its jerk.
 fn by_difference(segment: &Segment, before: &Before, jerk: &[f64; 4]) -> (f64, Limit) {
     let nominal = segment.nominal.min(before.nominal);
     let (mut factor, mut limit) = (1.0, segment.speed_limit);

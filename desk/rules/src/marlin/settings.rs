@@ -3,70 +3,71 @@
 use crate::change::{Change, Effect, Words, set_axes};
 use crate::setting::{SettingError, not_negative, positive, positive_axes, refused};
 
-/// The rule of a corner.
+/// Rule for the speed at corners.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Corner {
     /// Junction deviation, the default since Marlin 2.0.
     JunctionDeviation {
         /// `JUNCTION_DEVIATION_MM`, M205 J.
         deviation_mm: f64,
-        /// `JD_HANDLE_SMALL_SEGMENTS`: chords shorter than 1 mm are taken for an arc.
+        /// `JD_HANDLE_SMALL_SEGMENTS`: chords shorter than 1 mm are treated as an arc.
         handles_small_segments: bool,
     },
-    /// Classic jerk: how far the speed of each axis may jump.
+    /// Classic jerk: the maximum jump of each axis's speed.
     ClassicJerk {
         /// `DEFAULT_XJERK` ... `DEFAULT_EJERK`, M205 X Y Z E, mm/s.
         jerk_mm_per_s: [f64; 4],
-        /// The rule's version.
+        /// Version of the rule.
         rule: JerkRule,
     },
 }
 
-/// A version of classic jerk.
+/// Version of classic jerk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JerkRule {
     /// Marlin 1.1 to 2.1.2, Prusa's firmwares, PrusaSlicer: an axis that reverses counts with its
-    /// larger speed, and a corner that stopping at once would pass faster is passed like that.
+    /// larger speed, and a corner that would be faster by stopping at once is taken at that speed.
     SafeSpeed,
-    /// Marlin's bugfix branch of 2026: the difference of the speeds, whichever way.
+    /// Marlin's bugfix branch of 2026: the difference of the speeds, whether the axis reverses or
+    /// not.
     Difference,
 }
 
-/// The speed below which Marlin does not plan.
+/// Minimum speed that Marlin plans.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SlowestSpeed {
     /// `MINIMUM_PLANNER_SPEED` of Marlin up to 2.1.2, mm/s.
     Fixed(f64),
-    /// The speed of a first step from rest, as in the bugfix branch of 2026; 0 where the
-    /// steps are unknown.
+    /// Speed of a first step from rest, as in the bugfix branch of 2026; 0 if the steps/mm are
+    /// unknown.
     FirstStep,
 }
 
-/// Marlin's limits. Axes are X, Y, Z, E, on CoreXY the motors A, B, Z, E.
+/// Marlin's limits. Axes are X, Y, Z, E; on CoreXY, the motors A, B, Z, E.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MarlinSettings {
-    /// The rule of corners.
+    /// Rule for corners.
     pub corner: Corner,
-    /// M203, mm/s.
+    /// Maximum speeds, M203, mm/s.
     pub max_feed_mm_per_s: [f64; 4],
-    /// M201, mm/s^2.
+    /// Maximum accelerations, M201, mm/s^2.
     pub max_acceleration_mm_per_s2: [f64; 4],
-    /// M204 P: with filament, mm/s^2.
+    /// Acceleration of moves with filament, M204 P, mm/s^2.
     pub acceleration_mm_per_s2: f64,
-    /// M204 T: without filament, mm/s^2.
+    /// Acceleration of moves without filament, M204 T, mm/s^2.
     pub travel_acceleration_mm_per_s2: f64,
-    /// M204 R: of filament alone, mm/s^2.
+    /// Acceleration of filament alone, M204 R, mm/s^2.
     pub retract_acceleration_mm_per_s2: f64,
-    /// M205 S: smallest speed with filament, mm/s.
+    /// Minimum speed with filament, M205 S, mm/s.
     pub min_feed_mm_per_s: f64,
-    /// M205 T: smallest speed without filament, mm/s.
+    /// Minimum speed without filament, M205 T, mm/s.
     pub min_travel_feed_mm_per_s: f64,
-    /// The speed below which nothing is planned.
+    /// Speed below which nothing is planned.
     pub slowest: SlowestSpeed,
-    /// M92, where it is known.
+    /// Steps/mm, M92, if known.
     pub steps_per_mm: Option<[f64; 4]>,
-    /// `MIN_STEPS_PER_SEGMENT`: a move of fewer steps joins the next one. Of effect where the
-    /// steps are known.
+    /// `MIN_STEPS_PER_SEGMENT`: a move of fewer steps joins the next one. Has no effect if the
+    /// steps/mm are unknown.
     pub min_steps_per_segment: u16,
     /// `BLOCK_BUFFER_SIZE`.
     pub block_buffer_size: usize,
@@ -75,7 +76,7 @@ pub struct MarlinSettings {
 }
 
 impl MarlinSettings {
-    /// Marlin's example configuration, with a rule of corners.
+    /// Returns Marlin's example configuration with a rule for corners.
     pub const fn example(corner: Corner) -> Self {
         Self {
             corner,
@@ -94,13 +95,14 @@ impl MarlinSettings {
         }
     }
 
-    /// Blocks that a move is planned with, itself included: one of the ring is always empty, and
-    /// the place of the one that has just ended is not filled yet.
+    /// Returns the number of blocks with which a move is planned, including its own: one of the
+    /// ring's places is always empty, and the place of the block that has just ended is not filled
+    /// yet.
     pub(super) fn planned_blocks(&self) -> usize {
         self.block_buffer_size.saturating_sub(2).max(1)
     }
 
-    /// The squared speed below which a move is not planned.
+    /// Returns the squared speed below which a move is not planned, (mm/s)^2.
     pub(super) fn slowest(&self, acceleration: f64, steps_per_mm: Option<f64>) -> f64 {
         match (self.slowest, steps_per_mm) {
             (SlowestSpeed::Fixed(speed), _) => speed * speed,
@@ -109,7 +111,7 @@ impl MarlinSettings {
         }
     }
 
-    /// The squared speed at the end of the last move.
+    /// Returns the squared speed at the end of the last move, (mm/s)^2.
     pub(super) fn last_exit(&self) -> f64 {
         match self.slowest {
             SlowestSpeed::Fixed(speed) => speed * speed,
@@ -117,10 +119,10 @@ impl MarlinSettings {
         }
     }
 
-    /// Refuses what no plan can be made with.
+    /// Checks that a plan can be made with these settings.
     ///
     /// # Errors
-    /// Names the first setting that is out of range.
+    /// The first setting that is out of range.
     pub fn check(&self) -> Result<(), SettingError> {
         positive_axes("M203", self.max_feed_mm_per_s)?;
         positive_axes("M201", self.max_acceleration_mm_per_s2)?;
@@ -144,8 +146,8 @@ impl MarlinSettings {
         }
     }
 
-    /// Takes a command: M201, M203, M204 P R T (S for P and T), M205 S T, and X Y Z E with classic
-    /// jerk, J with junction deviation.
+    /// Applies a command: M201, M203, M204 P R T (S for P and T), M205 S T, and M205 X Y Z E with
+    /// classic jerk or J with junction deviation.
     pub fn change(&mut self, change: &Change<'_>) -> Effect {
         match change {
             Change::M201(words) => set_axes(words, &mut self.max_acceleration_mm_per_s2, 1.0),
@@ -187,7 +189,7 @@ impl MarlinSettings {
         match &mut changed.corner {
             Corner::JunctionDeviation { deviation_mm, .. } => {
                 if let Some(deviation) = words.get('J') {
-                    // Marlin refuses what lies outside these.
+                    // Marlin refuses values outside this range.
                     if !(0.01..=0.3).contains(&deviation) {
                         return Effect::Refused;
                     }

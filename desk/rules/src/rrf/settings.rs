@@ -3,14 +3,14 @@
 use crate::change::{Change, Effect, Words, set_axes};
 use crate::setting::{SettingError, not_negative, positive, positive_axes, refused};
 
-/// Smallest acceleration that M201 and M204 set, mm/s^2.
+/// Minimum acceleration that M201 and M204 set, mm/s^2.
 const LEAST_ACCELERATION: f64 = 0.1;
-/// Smallest jerk that M205 and M566 set, mm/s.
+/// Minimum jerk that M205 and M566 set, mm/s.
 const LEAST_JERK: f64 = 0.1;
-/// Smallest speed that M203 I sets, mm/s.
+/// Minimum speed that M203 I sets, mm/s.
 const LEAST_SPEED: f64 = 0.01;
 
-/// The moves that join without a stop: M566 P.
+/// Moves that join without a stop, M566 P.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JerkPolicy {
     /// P0: moves of the same kind.
@@ -22,30 +22,31 @@ pub enum JerkPolicy {
 /// RepRapFirmware's limits. Axes are X, Y, Z, E.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RrfSettings {
-    /// M203, mm/s.
+    /// Maximum speeds, M203, mm/s.
     pub max_feed_mm_per_s: [f64; 4],
-    /// M201, mm/s^2.
+    /// Maximum accelerations, M201, mm/s^2.
     pub max_acceleration_mm_per_s2: [f64; 4],
-    /// M566 or M205, mm/s.
+    /// Jerk, M566 or M205, mm/s.
     pub jerk_mm_per_s: [f64; 4],
-    /// M204 P, mm/s^2; infinite where it is not set.
+    /// Acceleration of prints, M204 P, mm/s^2; infinite if not set.
     pub print_acceleration_mm_per_s2: f64,
-    /// M204 T, mm/s^2; infinite where it is not set.
+    /// Acceleration of travels, M204 T, mm/s^2; infinite if not set.
     pub travel_acceleration_mm_per_s2: f64,
-    /// M203 I: smallest speed, mm/s.
+    /// Minimum speed, M203 I, mm/s.
     pub min_speed_mm_per_s: f64,
-    /// M566 P.
+    /// Jerk policy, M566 P.
     pub jerk_policy: JerkPolicy,
-    /// M572 S, s.
+    /// Pressure advance, M572 S, s.
     pub pressure_advance_s: f64,
-    /// Moves that the ring holds: M595 P.
+    /// Number of moves that the ring holds, M595 P.
     pub ring_length: usize,
     /// True if motors A and B move X and Y together.
     pub is_core_xy: bool,
 }
 
 impl RrfSettings {
-    /// RepRapFirmware's values where `config.g` gives none, on a board of the Duet 3 6 series.
+    /// Returns RepRapFirmware's values when `config.g` sets none, on a board of the Duet 3 6
+    /// series.
     pub const fn defaults() -> Self {
         Self {
             max_feed_mm_per_s: [100.0, 100.0, 5.0, 20.0],
@@ -61,10 +62,10 @@ impl RrfSettings {
         }
     }
 
-    /// Refuses what no plan can be made with.
+    /// Checks that a plan can be made with these settings.
     ///
     /// # Errors
-    /// Names the first setting that is out of range.
+    /// The first setting that is out of range.
     pub fn check(&self) -> Result<(), SettingError> {
         positive_axes("M203", self.max_feed_mm_per_s)?;
         positive_axes("M201", self.max_acceleration_mm_per_s2)?;
@@ -82,8 +83,8 @@ impl RrfSettings {
         Ok(())
     }
 
-    /// Takes a command: M201 (mm/s^2), M203 (mm/min, mm/s with S1), M204 P T S, M205 (mm/s), M566
-    /// (mm/min) with P.
+    /// Applies a command: M201 (mm/s^2), M203 (mm/min, or mm/s with S1), M204 P T S, M205 (mm/s),
+    /// or M566 (mm/min) with P.
     pub fn change(&mut self, change: &Change<'_>) -> Effect {
         match change {
             Change::M201(words) => at_least(LEAST_ACCELERATION, &mut self.max_acceleration_mm_per_s2, |values| {
@@ -134,7 +135,7 @@ impl RrfSettings {
     }
 }
 
-/// Sets values of axes, each at least `least`.
+/// Sets values of axes with `set`, each raised to at least `least`.
 fn at_least(least: f64, values: &mut [f64; 4], set: impl FnOnce(&mut [f64; 4]) -> Effect) -> Effect {
     let effect = set(values);
     if effect == Effect::Changed {

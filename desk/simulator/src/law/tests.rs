@@ -69,8 +69,8 @@ fn what_is_no_law_is_refused() {
 #[test]
 fn an_advanced_law_jumps_and_its_steps_with_it() {
     let law = line(50.0, 1000.0, 0.2).advanced(0.04, |_| true);
-    // Position + 0.04 s * speed: at the ramp's start by 0.04 s of acceleration, in speed;
-    // the position by 0.
+    // Position + 0.04 s * speed: at the start of the ramp this raises the speed by 0.04 s of
+    // acceleration and the position by 0.
     assert!((law.at(0.5).speed_mm_per_s - 40.0).abs() < 1e-9);
     assert!((law.at(0.6).position_mm - (line(50.0, 1000.0, 0.2).at(0.6).position_mm + 2.0)).abs() < 1e-9);
     let end = law.at(2.0).position_mm;

@@ -27,7 +27,7 @@ pub struct EvenSpacing {
     periods: f64,
 }
 
-/// Reason why a shaper does not exist.
+/// Reason why no shaper with this spacing exists.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum EvenSpacingError {
     /// The number of impulses is not within 3 to 10.

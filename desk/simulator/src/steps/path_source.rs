@@ -98,7 +98,7 @@ impl PathSource {
         }
     }
 
-    /// Gives G10 and G11 no separate time: they ride on travels.
+    /// Gives G10 and G11 no time of their own: they run during travels.
     pub fn filament_on_the_way(mut self) -> Self {
         if let From::Job { moves, .. } = &mut self.from {
             for (one, duration_s) in moves.as_mut_slice() {
