@@ -62,7 +62,7 @@ pub enum ArcCut {
     Rrf,
 }
 
-/// Maximum number of chords of one arc; a firmware would be busy with so many for hours.
+/// Maximum number of chords of one arc; more would keep a firmware busy for hours.
 const MAX_CHORDS: f64 = 1e7;
 
 impl Arc {

@@ -82,7 +82,7 @@ impl Request {
             Err(httparse::Error::TooManyHeaders) => {
                 return Err(Answer::text(431, format!("more than {MAX_HEADERS} header lines")));
             }
-            Err(error) => return Err(Answer::text(400, format!("this is no HTTP request: {error}"))),
+            Err(error) => return Err(Answer::text(400, format!("this is not an HTTP request: {error}"))),
         };
         let (path, query) =
             head.path.unwrap_or_default().split_once('?').unwrap_or((head.path.unwrap_or_default(), ""));

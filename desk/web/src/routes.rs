@@ -51,7 +51,7 @@ impl<P: Printer> Room<P> {
         if !request.host.as_deref().is_some_and(|host| self.names.is_host(host)) {
             return Err(Answer::text(
                 403,
-                "this server is not called so: use the address that `ferrostep serve` has printed",
+                "this server has another address: use the one that `ferrostep serve` has printed",
             ));
         }
         if request.origin.as_deref().is_some_and(|origin| !self.names.is_origin(origin)) {
@@ -90,7 +90,7 @@ impl<P: Printer> Room<P> {
             (_, "/state" | "/line" | "/control" | "/job" | "/start" | "/pause" | "/resume" | "/cancel" | "/stop") => {
                 Err(Answer::text(405, "/state is read by GET, the rest is POST"))
             }
-            _ => Err(Answer::text(404, "there is nothing here")),
+            _ => Err(Answer::text(404, "there is no page of this name")),
         }
     }
 
