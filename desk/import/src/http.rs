@@ -298,7 +298,7 @@ mod tests {
             ("HTTP/1.1 200 OK\r\nContent-Length: 9\r\n\r\nhello", "ends before"),
             ("HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n9\r\nhello", "ends before"),
             ("HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\nhello", "no sizes"),
-            ("HTTP/1.1 200 OK\r\nContent-Length: -1\r\n\r\n", "no number"),
+            ("HTTP/1.1 200 OK\r\nContent-Length: -1\r\n\r\n", "not a number"),
             ("HTTP/1.1 200 OK\r\nContent-Encoding: gzip\r\n\r\n", "packed"),
             ("HTTP/1.1 abc\r\n\r\n", "not HTTP"),
             ("ok T:20.0\n", "not HTTP"),

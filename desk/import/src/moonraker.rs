@@ -149,12 +149,15 @@ fn text_of(answer: &Answer) -> Result<String, String> {
     let mut text = String::new();
     for (section, settings) in config.0 {
         if section.is_empty() || section.contains(['\n', '\r']) || section.trim_start().starts_with("include ") {
-            return Err(format!("{:?} is not a section name: try again", crate::text::shown(&section)));
+            return Err(format!("{:?} cannot name a section of Klipper's: try again", crate::text::shown(&section)));
         }
         text += &format!("[{section}]\n");
         for (key, value) in settings.0 {
             if key.trim() != key || key.is_empty() || key.contains([':', '=', '#', ';', '[', ']', '\n', '\r']) {
-                return Err(format!("[{section}] {:?} is not a setting: try again", crate::text::shown(&key)));
+                return Err(format!(
+                    "[{section}] {:?} cannot name a setting of Klipper's: try again",
+                    crate::text::shown(&key)
+                ));
             }
             let value = match value {
                 Value::String(value) => value.replace("\r\n", "\n").replace('\r', "\n"),

@@ -249,7 +249,11 @@ fn frames_out_of_order_are_told_from_each_other() {
     let bytes = small_job();
     let error = Frame::read(&bytes, 1234, Some(7)).unwrap_err();
     assert_eq!(error.fault, Fault::Sequence { number: 0, expected: 7 });
-    assert_eq!(error.to_string(), "frame 7 at byte 1234: frames out of order: this is number 0, expected number 7");
+    assert_eq!(
+        error.to_string(),
+        "frame 7 at byte 1234: frames out of order: this is number 0, expected number 7: \
+         copy the file, or prepare the job, again"
+    );
 }
 
 #[test]

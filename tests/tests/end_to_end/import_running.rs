@@ -433,5 +433,5 @@ fn a_servers_settings_include_no_files() {
     let body = json!({"result": {"status": Value::Object(status)}}).to_string();
     let outcome = import(&["--moonraker", &moonraker(http("200 OK", &body)), "--assume"]);
     assert_eq!(outcome.status, Some(2));
-    assert!(outcome.stderr.contains("is not a section name"), "{outcome:#?}");
+    assert!(outcome.stderr.contains("cannot name a section of Klipper's"), "{outcome:#?}");
 }

@@ -102,7 +102,10 @@ fn set_input_shaper_is_refused_with_what_is_wrong() {
         assert!(refused(text).starts_with(&format!("SET_INPUT_SHAPER: unknown word \"{word}\", expected ")), "{text}");
     }
     for text in ["SET_INPUT_SHAPER SHAPER_FREQ_Z=40", "SET_INPUT_SHAPER SHAPER_FREQ_X=40 shaper_type_z=mzv"] {
-        assert!(refused(text).starts_with("SET_INPUT_SHAPER of Z: not supported, X and Y have filters"), "{text}");
+        assert!(
+            refused(text).starts_with("SET_INPUT_SHAPER of Z: not supported, only X and Y have input shapers"),
+            "{text}"
+        );
     }
     let two = refused("SET_INPUT_SHAPER SHAPER_TYPE=mzv SHAPER_TYPE_Y=ei");
     assert!(two.starts_with("SHAPER_TYPE with the type of an axis: not supported"), "{two}");

@@ -30,7 +30,7 @@ fn words_that_are_missing_unknown_or_too_long_end_it() {
         ("START", "START: expected NOZZLE"),
         ("START NOZZLE=1 BET=60", "START: unknown word \"BET=60\", expected one or more of BED=60 NOZZLE"),
         ("START NOZZLE=", "START: unknown word \"NOZZLE=\", expected one or more of BED=60 NOZZLE"),
-        ("PARK X1", "PARK: unknown word \"X1\", the macro takes no words"),
+        ("PARK X1", "PARK: unknown word \"X1\": the macro takes no words"),
     ] {
         assert_eq!(lines(text), (vec![], Some(error.to_owned())));
     }
