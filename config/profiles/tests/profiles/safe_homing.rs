@@ -35,7 +35,7 @@ fn a_probe_without_what_it_needs_is_refused() {
         let error = parse(&text, "mini.toml").expect_err(key).to_string();
         let number = line(&text, "sensor = \"probe\"");
         let start = format!("mini.toml:{number}: homing.z.sensor = \"probe\": expected {key} with it: ");
-        assert!(error.starts_with(&start) && error.contains(", such as "), "{error}");
+        assert!(error.starts_with(&start) && error.contains("; for example "), "{error}");
     }
     // A switch needs none of these keys, and has no offset.
     let switch = ("sensor = \"probe\"", "sensor = \"end-stop\"");
