@@ -25,7 +25,7 @@ impl FileForm {
     /// Bytes of a file before its first block.
     pub const BYTES: usize = FILE_HEADER_BYTES;
 
-    /// The form by a file's first [`Self::BYTES`].
+    /// Reads the form from a file's first [`Self::BYTES`].
     ///
     /// # Errors
     /// It is not binary G-code, or of a kind that is not known here.
@@ -43,10 +43,10 @@ pub struct Form {
 }
 
 impl Form {
-    /// The most bytes of a block before its data.
+    /// Maximum number of bytes of a block before its data.
     pub const MAX_HEAD_BYTES: usize = MAX_HEAD_BYTES;
 
-    /// The form by a block's first [`Self::MAX_HEAD_BYTES`], or all bytes that remain.
+    /// Reads the form from a block's first [`Self::MAX_HEAD_BYTES`], or all bytes that remain.
     ///
     /// # Errors
     /// The block is cut off, or of a kind that is not known here.

@@ -75,7 +75,7 @@ fn skip(file: &mut BufReader<impl Read + Seek>, bytes: u64) -> Result<(), Rewrit
         .map_err(RewriteError::Read)
 }
 
-/// Copies the next bytes.
+/// Copies this many bytes from the file.
 fn copy(file: &mut impl Read, out: &mut impl Write, mut left: u64) -> Result<(), RewriteError> {
     let mut portion = vec![0; BLOCK_BYTES];
     while left > 0 {
@@ -106,7 +106,7 @@ fn damaged(reason: Reason) -> RewriteError {
     RewriteError::Read(io::Error::new(io::ErrorKind::InvalidData, reason.to_string()))
 }
 
-/// The blocks of G-code that are written of a text: each as long as it may be, and of whole lines.
+/// Writer of text as blocks of G-code: each as long as allowed, and of whole lines.
 struct GcodeBlocks<W> {
     out: W,
     form: Form,

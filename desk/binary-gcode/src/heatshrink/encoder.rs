@@ -1,4 +1,4 @@
-//! The other direction: the longest of the newest repetitions is taken, byte by byte.
+//! Compresses a block: takes the longest of the newest repetitions, byte by byte.
 
 use alloc::vec;
 use alloc::vec::Vec;
