@@ -130,7 +130,7 @@ fn with(command: &str, word: usize, number: &str) -> String {
 fn names(said: &[String], letter: char) -> bool {
     // An arc that does not fit is one of its centre or radius with its end; a dwell counts as P,
     // in milliseconds.
-    let others = ["the target is too far", "I, J: the arc", "R: a radius", "P: 999999999000"];
+    let others = ["the target is too far", "I, J: the arc", "R: an arc", "R: the arc", "P: 999999999000"];
     let is_named = |text: &str| text.contains(letter) || others.iter().any(|other| text.contains(other));
     said.iter().any(|text| text.starts_with("echo:") && is_named(text))
 }

@@ -414,7 +414,7 @@ fn a_marlin_that_says_no_settings_is_refused_with_the_cure() {
     for (port, expected) in [
         ("/dev/no-such-port", "/dev/no-such-port: "),
         ("tcp:host", "expected tcp:HOST:PORT"),
-        ("Cargo.toml", "this is an ordinary file, expected a serial port"),
+        ("Cargo.toml", "this is an ordinary file, not a serial port"),
     ] {
         let outcome = import(&["--marlin", port]);
         assert_eq!(outcome.status, Some(2));

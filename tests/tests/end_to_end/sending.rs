@@ -271,7 +271,7 @@ fn a_missing_port_is_an_error() {
     let job = job(&directory, "square.gpre", "cartesian", SQUARE);
     let outcome = send(&job, "/dev/no-such-port", None);
     assert_eq!(outcome.status, Some(2), "{outcome:#?}");
-    says(&outcome.stderr, "/dev/no-such-port: No such file");
+    says(&outcome.stderr, "/dev/no-such-port: there is no such port");
 }
 
 /// Sends a job and kills the host when the board has read this many bytes.
