@@ -37,7 +37,7 @@ fn a_file_that_is_none_is_refused() {
         (&b"G28\n"[..], 2, "box: not a black box: expected a file that `ferrostep blackbox -o` has written"),
         (b"Recv: blackbox:0:RkJY\n", 2, "box: the black box breaks off: fetch it again"),
         (b"Recv: blackbox:1:RkJY\n", 2, "box: line 0 of the black box is missing: fetch it again"),
-        (b"FBX1", 1, "box: the black box ends too early: fetch it again"),
+        (b"FBX1", 1, "box: the black box is cut short: fetch it again"),
         (b"FBX1abcdefgh", 1, "box: the black box is damaged: its checksum is "),
     ] {
         std::fs::write(&path, bytes).unwrap();
