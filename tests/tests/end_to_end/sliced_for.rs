@@ -59,7 +59,7 @@ fn limits_in_the_comments_hold_for_every_command_and_none_if_the_machine_cannot_
     );
     let (own_s, note) = seconds("estimate", "own.gcode", limits(9_000_000), &[]);
     assert!(
-        note.contains("the travel in the comments of own.gcode for Large (its speeds and accelerations are"),
+        note.contains("the travel in the comments of own.gcode for Large (its speeds and accelerations do not suit"),
         "{note}"
     );
     assert!(own_s - fast_s > 10.0, "Z is five times as fast as the built-in one: {fast_s} {own_s}");
