@@ -238,7 +238,7 @@ fn nothing_is_half_written_or_replaced_unasked() {
         assert!(errors(&output).contains(reason), "{arguments:?}: {}", errors(&output));
         assert_eq!(names(folder.path()), ["job.gcode", "job.html"]);
     };
-    refused(&["job.gcode"], "choose the page's name with -o");
+    refused(&["job.gcode"], "choose another name with -o");
     refused(&["job.gcode", "-o", "job.gcode"], "this is the job to be read");
     refused(&["job.gcode", "-o", "missing/page.html"], "cannot be written");
     refused(&["job.gcode", "-o", "."], "this is a folder");
