@@ -98,7 +98,7 @@ fn impossible_commands_stop_the_job() {
         ("G1 X20 F0.001", ["G1 X20 F0.001", "expected at least 0.6 mm/min"]),
         ("G2 X20 Y20 I1 J0", ["G2 X20 Y20 I1 J0", "both must be the same"]),
         ("G2 X20 Y20 R1", ["G2 X20 Y20 R1", "R: an arc of radius 1.000 mm"]),
-        ("G2 X10 Y20 R5", ["G2 X10 Y20 R5", "make R at least 11.181 mm"]),
+        ("G2 X10 Y20 R5", ["G2 X10 Y20 R5", "give I and J for a full circle"]),
         ("M104 S500", ["M104 S500", "S: 500 C is too hot, expected less than 275 C"]),
         ("M104 S274.99999999", ["M104 S274.99999999", "is too hot"]),
         ("M104 S275", ["M104 S275", "S: 275 C is too hot, expected less than 275 C"]),
