@@ -4,10 +4,10 @@
 //! All rules yield the same widths:
 //!
 //! - [`FromFirstStair`]: as Wu proposes, without any division, with one or two decisions per stair;
-//! the first stair is counted.
+//!   the first stair is counted.
 //! - [`FromQuotient`]: one division per line and one decision per stair; no stair is counted.
 //! - [`FromDivision`]: one division per stair, like the interpolator's [`StepBresenham`]: 14 %
-//! fewer instructions than with the quotient (`cargo xtask bench`).
+//!   fewer instructions than with the quotient (`cargo xtask bench`).
 
 mod classic;
 mod decisions;

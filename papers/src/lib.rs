@@ -3,13 +3,13 @@
 //! them.
 //!
 //! - *Step patterns*, in addition to step Bresenham: classic Bresenham (Wu 2024, eq. 3), and the
-//! three of the CoreXY paper, point-by-point comparison, minimum deviation and dual-rate
-//! ([`plane`]).
+//!   three of the CoreXY paper, point-by-point comparison, minimum deviation and dual-rate
+//!   ([`plane`]).
 //! - *Time laws*, in addition to trapezoid and S-curve: Li's five segments ([`five_segments`]), and
-//! his table of frequencies ([`table`], [`staircase`]), with his cases of a segment ([`plan`])
-//! and his ring of segments ([`segments`]).
+//!   his table of frequencies ([`table`], [`staircase`]), with his cases of a segment ([`plan`])
+//!   and his ring of segments ([`segments`]).
 //! - Step Bresenham by Wu's own rules ([`bresenham`]), and Li's S-curve in closed form
-//! ([`closed_form`]).
+//!   ([`closed_form`]).
 //! - *The wide encoding* of prepared jobs (Yu 2019): [`wide`].
 //!
 //! The desktop tool and the bench image plan with [`Papers`]. The feature `tables` reproduces the

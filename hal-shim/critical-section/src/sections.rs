@@ -4,12 +4,12 @@
 //! is one core, and only these could interrupt it:
 //!
 //! - Interrupts and exceptions of configurable priority below the highest are masked by BASEPRI. A
-//! write to BASEPRI_MAX can only raise the priority: within an RTIC lock or another critical
-//! section the stricter mask applies, and [`restore`] puts back the former state, never a weaker
-//! one. PRIMASK is left alone, so that sections within `init` and after `safe_state::enter`,
-//! where it is set, do not clear it.
+//!   write to BASEPRI_MAX can only raise the priority: within an RTIC lock or another critical
+//!   section the stricter mask applies, and [`restore`] puts back the former state, never a weaker
+//!   one. PRIMASK is left alone, so that sections within `init` and after `safe_state::enter`,
+//!   where it is set, do not clear it.
 //! - Hardware priority 0 belongs to the step task, which does neither. Unused interrupts also have
-//! it after reset, but are not enabled; if one occurs nevertheless, its handler never returns.
+//!   it after reset, but are not enabled; if one occurs nevertheless, its handler never returns.
 //! - Non-maskable interrupt and faults end in handlers that never return.
 
 #[cfg(target_arch = "arm")]
